@@ -18,7 +18,7 @@ from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import angular, real
 from mbsvib.common.selection import Names, selected
-from mbsvib.equations.equations import Provenance
+from mbsvib.equations.equations import Provenance, joint_wrenches
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
@@ -178,8 +178,6 @@ class OfMechanism:
         ``explain()`` names them. Frame, order, names, cut and units make no difference, and flexible joints, all with
         stiffness k along and k L^2 about what they lock, would carry the same.
         """
-        from mbsvib.equations.equations import joint_wrenches
-
         return joint_wrenches(self)
 
     def stiffness_shares(self: Any, modes: Modes | None = None) -> StiffnessShares:

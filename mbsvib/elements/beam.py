@@ -20,7 +20,8 @@ from mbsvib.elements.bushing import Six
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.material import Material
 from mbsvib.elements.part import Part, derived
-from mbsvib.elements.placement import Placement, Pose
+from mbsvib.elements.placement import Placement
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.roles import POINT, ParameterField
 from mbsvib.elements.sections import Properties, Shape
 from mbsvib.errors import ModelError, counted

@@ -10,10 +10,11 @@ Source: Przemieniecki, Theory of Matrix Structural Analysis (1968), sections 5.6
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -53,47 +54,59 @@ class MassPoints(NamedTuple):
     turns: Array
 
 
-class Element(Protocol):
+class Element(ABC):
     """What a beam is made of between two nodes, in the axes of the element (x along it)."""
 
-    @property
-    def length(self) -> Any:
-        """Its length [m]."""
+    __slots__ = ()
+    length: Any
+    """Its length [m]."""
 
     @property
-    def mass(self) -> float:
+    @abstractmethod
+    def mass(self) -> Any:
         """Its mass [kg]."""
 
     @property
-    def arm(self) -> float:
+    @abstractmethod
+    def arm(self) -> Any:
         """Distance of the weight of either half from its node [m], of consistent nodal loads."""
 
     @property
-    def odd_load(self) -> tuple[float, float]:
+    @abstractmethod
+    def odd_load(self) -> tuple[Any, Any]:
         """Consistent nodal load of an acceleration that grows from the middle to unity at the end: the mass at the end
         [kg] and its distance from the node [m]; the same with the other sign at the start.
         """
 
     @property
+    @abstractmethod
     def sections_turn(self) -> bool:
         """Whether sections turn about all axes, not only along x."""
 
-    def stiffness(self) -> tuple[float, ...]:
-        """Return the six stiffnesses at the midpoint [N/m, N m/rad]."""
+    @abstractmethod
+    def stiffness(self) -> tuple[Any, ...]:
+        """Return the six stiffnesses at the midpoint, along and about the element's axes [N/m, N m/rad]."""
 
+    @abstractmethod
     def mass_rows(self) -> Array:
-        """Return the rows F of the consistent mass matrix F^T F, over (u1, theta1, u2, theta2)."""
+        """Return the rows F (..., n, 12) of the consistent mass matrix F^T F, over (u1, theta1, u2, theta2).
 
+        Numbers of the element may have leading axes.
+        """
+
+    @abstractmethod
     def mass_points(self) -> MassPoints:
         """Return its mass at points along it."""
 
+    @abstractmethod
     def bent_lines(self) -> tuple[BentLine, BentLine]:
         """Return its bent lines in the planes x-y and x-z."""
 
 
 @dataclass(frozen=True, slots=True)
-class Prismatic:
-    """An element of constant section."""
+class Prismatic(Element):
+    """An element of constant section; with ``shear``, a Timoshenko beam, it has shear deformation and rotary inertia.
+    """
 
     length: float
     section: Properties
@@ -102,39 +115,53 @@ class Prismatic:
 
     @property
     def mass(self) -> float:
-        """Its mass [kg]."""
         return self.material.rho * self.section.A * self.length
 
     @property
     def arm(self) -> float:
-        """Distance of the weight of either half from its node [m]."""
         return self.length / 6.0
 
     @property
     def odd_load(self) -> tuple[float, float]:
-        """Mass at the end [kg] and its distance from the node [m], of an acceleration that grows from the middle."""
         return 0.2 * self.mass, self.length / 12.0
 
     @property
     def sections_turn(self) -> bool:
-        """Whether sections turn about all axes."""
         return self.shear
 
+    @property
+    def _shear_ratios(self) -> tuple[Any, Any]:
+        return shear_ratios(self.length, self.section, self.material, self.shear)
+
     def stiffness(self) -> tuple[float, ...]:
-        """Return the six stiffnesses at the midpoint [N/m, N m/rad]."""
-        return stiffness(self.length, self.section, self.material, self.shear)
+        (phi_y, phi_z), section, material = self._shear_ratios, self.section, self.material
+        e, length, cubed = material.E, self.length, self.length**3
+        return (e * section.A / length, 12.0 * e * section.Iz / (cubed * (1.0 + phi_y)),
+                12.0 * e * section.Iy / (cubed * (1.0 + phi_z)), material.shear_modulus * section.J / length,
+                e * section.Iy / length, e * section.Iz / length)  # fmt: skip
 
     def mass_rows(self) -> Array:
-        """Return the rows F of the consistent mass matrix F^T F."""
-        return mass_rows(self.length, self.section, self.material, self.shear)
+        """Return the rows F (..., 12, 12) or (..., 18, 12), one for each Gauss point and direction."""
+        section, density, length = self.section, self.material.rho, self.length
+        mass, polar_inertia = density * section.A * length, density * (section.Iy + section.Iz) * length
+        two, three, four, parts = gauss(2), gauss(3), gauss(4), []
+        for inertia, ends in ((mass, [0, 6]), (polar_inertia, [3, 9])):
+            parts.append((inertia, two.weight, ends, two.linear))
+        for (indices, sign), phi, moment in zip(PLANES, self._shear_ratios, (section.Iz, section.Iy), strict=True):
+            slopes = np.array([1.0, sign, 1.0, sign])
+            parts.append((mass, four.weight, indices, slopes * deflection(four.deflection, length, phi)))
+            if self.shear:
+                turns = slopes * rotation(three.rotation, length, phi)
+                parts.append((density * moment * length, three.weight, indices, turns))
+        return in_columns([(indices, np.sqrt(np.asarray(inertia)[..., None] * weight)[..., None] * values)
+                           for inertia, weight, indices, values in parts])  # fmt: skip
 
     def mass_points(self) -> MassPoints:
         """Return its mass at four Gauss points."""
-        ratios = shear_ratios(self.length, self.section, self.material, self.shear)
         at, shares = gauss(4), gauss(4).weight
         moves, turns = np.zeros((2, len(shares), 3, 12))
         moves[:, 0, [0, 6]] = turns[:, 0, [3, 9]] = at.linear
-        for (indices, sign), phi, across, about in zip(PLANES, ratios, (1, 2), (2, 1), strict=True):
+        for (indices, sign), phi, across, about in zip(PLANES, self._shear_ratios, (1, 2), (2, 1), strict=True):
             slopes = np.array([1.0, sign, 1.0, sign])
             moves[:, across, indices] = slopes * deflection(at.deflection, self.length, phi)
             if self.shear:
@@ -144,10 +171,9 @@ class Prismatic:
         return MassPoints(self.mass * shares, shares[:, None] * sections, moves, turns)
 
     def bent_lines(self) -> tuple[BentLine, BentLine]:
-        """Return its bent lines in the planes x-y and x-z."""
-        length, scales = self.length, [1.0 / (1.0 + phi) for phi in shear_ratios(
-            self.length, self.section, self.material, self.shear)]  # fmt: skip
-        one, other = (BentLine(0.2 * s * s / length, length / 12.0, s / 30.0 - 1.0 / 12.0) for s in scales)
+        length = self.length
+        one, other = (BentLine(0.2 * s * s / length, length / 12.0, s / 30.0 - 1.0 / 12.0)
+                      for s in (1.0 / (1.0 + phi) for phi in self._shear_ratios))  # fmt: skip
         return one, other
 
 
@@ -160,37 +186,6 @@ def shear_ratios(length: float, section: Properties, material: Material, shear: 
     assert section.kz is not None
     return (12.0 * material.E * section.Iz / (section.ky * shear_stiffness),
             12.0 * material.E * section.Iy / (section.kz * shear_stiffness))  # fmt: skip
-
-
-def stiffness(length: float, section: Properties, material: Material, shear: bool) -> tuple[float, ...]:
-    """Return the six stiffnesses at the midpoint, along and about the element's axes [N/m, N m/rad]."""
-    phi_y, phi_z = shear_ratios(length, section, material, shear)
-    e, cubed = material.E, length**3
-    return (e * section.A / length, 12.0 * e * section.Iz / (cubed * (1.0 + phi_y)),
-            12.0 * e * section.Iy / (cubed * (1.0 + phi_z)), material.shear_modulus * section.J / length,
-            e * section.Iy / length, e * section.Iz / length)  # fmt: skip
-
-
-def mass_rows(length: float, section: Properties, material: Material, shear: bool) -> Array:
-    """Return the rows F of the consistent mass matrix F^T F.
-
-    ``length`` [m]. With ``shear``, a Timoshenko beam, the shape functions have shear deformation and there is rotary
-    inertia. Returns (..., 12, 12) or (..., 18, 12): one row for each Gauss point and direction, over (u1, theta1, u2,
-    theta2) in the element's axes; numbers of the section and the material may have leading axes.
-    """
-    mass, polar_inertia = material.rho * section.A * length, material.rho * (section.Iy + section.Iz) * length
-    two, three, four, parts = gauss(2), gauss(3), gauss(4), []
-    for inertia, ends in ((mass, [0, 6]), (polar_inertia, [3, 9])):
-        parts.append((inertia, two.weight, ends, two.linear))
-    for (indices, sign), phi, moment in zip(PLANES, shear_ratios(length, section, material, shear),
-                                            (section.Iz, section.Iy), strict=True):  # fmt: skip
-        slopes = np.array([1.0, sign, 1.0, sign])
-        parts.append((mass, four.weight, indices, slopes * deflection(four.deflection, length, phi)))
-        if shear:
-            turns = slopes * rotation(three.rotation, length, phi)
-            parts.append((material.rho * moment * length, three.weight, indices, turns))
-    return in_columns([(indices, np.sqrt(np.asarray(inertia)[..., None] * weight)[..., None] * values)
-                       for inertia, weight, indices, values in parts])  # fmt: skip
 
 
 def in_columns(parts: Sequence[tuple[list[int], Array]]) -> Array:

@@ -23,7 +23,7 @@ from mbsvib.elements.connection import ENDS, Connection, PreloadForm, check_ends
 from mbsvib.elements.deformations import Law
 from mbsvib.elements.deformations import six as deformation
 from mbsvib.elements.part import Part
-from mbsvib.elements.placement import Pose
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.roles import DAMPING, STIFFNESS, axes, batched, is_unsymmetric, point, six
 from mbsvib.elements.rows import ElementRows, Rows, columns, table
 from mbsvib.errors import ModelError

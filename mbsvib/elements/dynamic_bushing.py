@@ -25,7 +25,7 @@ from mbsvib.elements.deformations import Law, six
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.elements.maxwell import Node, as_node_joint
 from mbsvib.elements.part import Part
-from mbsvib.elements.placement import Pose
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.relaxing import Relaxing, factor_of
 from mbsvib.elements.roles import STIFFNESS, stated
 from mbsvib.elements.shared_rows import ExpandedPart

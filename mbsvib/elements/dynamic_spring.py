@@ -19,7 +19,7 @@ from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.elements.maxwell import Node, as_node_joint
 from mbsvib.elements.part import Part
-from mbsvib.elements.placement import Pose
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.relaxing import RelaxingAxis, relaxing
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.elements.spring import Spring

@@ -17,7 +17,7 @@ from mbsvib.elements.deformations import Law, swing, twist
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.elements.dynamic_bushing import DynamicBushing
 from mbsvib.elements.part import Part
-from mbsvib.elements.placement import Pose
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.relaxing import RelaxingAxis, relaxing
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.elements.torsion_spring import NOWHERE, TorsionSpring

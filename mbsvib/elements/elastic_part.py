@@ -29,7 +29,8 @@ from mbsvib.elements.bushing import ZERO, Bushing
 from mbsvib.elements.joint import Joint
 from mbsvib.elements.load import Load
 from mbsvib.elements.part import Composed
-from mbsvib.elements.placement import GROUND, Placement, Pose
+from mbsvib.elements.placement import GROUND, Placement
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.errors import NoWordsError
 from mbsvib.linalg.products import eigenrows

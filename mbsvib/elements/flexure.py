@@ -25,7 +25,8 @@ from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_ro
 from mbsvib.elements.material import Material
 from mbsvib.elements.notch_element import NotchElement
 from mbsvib.elements.part import derived
-from mbsvib.elements.placement import Placement, Pose
+from mbsvib.elements.placement import Placement
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.roles import POINT, TURN, ParameterField
 from mbsvib.elements.sections import Checked, Properties, built, rectangle_torsion, with_fields
 from mbsvib.errors import AccuracyWarning, nearest

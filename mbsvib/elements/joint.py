@@ -28,7 +28,8 @@ from mbsvib.elements.joint_kinds import (
     universal_axes,
 )
 from mbsvib.elements.part import Part, derived
-from mbsvib.elements.placement import Placement, Pose
+from mbsvib.elements.placement import Placement
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.roles import ParameterField, axes, batched, number, point
 from mbsvib.errors import ModelError, NoWordsError
 from mbsvib.linalg.rotations import exponential, logarithm

@@ -26,7 +26,7 @@ from mbsvib.elements.connection import ENDS, Connection, PreloadForm, along, che
 from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.joint import Joint
 from mbsvib.elements.part import Part, derived
-from mbsvib.elements.placement import Pose
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.roles import batched, number, point
 from mbsvib.elements.rows import ElementRows, columns
 from mbsvib.elements.shared_rows import ExpandedPart

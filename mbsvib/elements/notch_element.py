@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mbsvib.common.arrays import Array
-from mbsvib.elements.beam_element import PLANES, BentLine, MassPoints, in_columns
+from mbsvib.elements.beam_element import PLANES, BentLine, Element, MassPoints, in_columns
 from mbsvib.elements.material import Material
 from mbsvib.elements.sections import rectangle_torsion
 from mbsvib.linalg.products import concatenated
@@ -52,7 +52,7 @@ class Plane(NamedTuple):
 
 
 @dataclass(frozen=True)
-class NotchElement:
+class NotchElement(Element):
     """A bar of ``width`` b along y and of the thickness h(x) along z, with the neck's ``thickness`` t [m].
 
     ``flat`` f, ``along`` a and ``deep`` c describe its profile [m].
@@ -93,7 +93,6 @@ class NotchElement:
 
     @property
     def mass(self) -> Any:
-        """Its mass [kg]."""
         _, weight, _, h = self._half
         return 2.0 * self.material.rho * self.width * _over_half(weight, h)
 
@@ -114,7 +113,6 @@ class NotchElement:
 
     @property
     def sections_turn(self) -> bool:
-        """Whether sections turn about all axes: they do."""
         return True
 
     @cached_property
@@ -148,7 +146,6 @@ class NotchElement:
         return Plane((deflected, turned), across, about, line)
 
     def stiffness(self) -> tuple[Any, ...]:
-        """Return the six stiffnesses at the midpoint, along and about the element's axes [N/m, N m/rad]."""
         (_, weight, _, h), (stiff, soft) = self._half, self._planes
         pull = 2.0 * _over_half(weight, 1.0 / h) / (self.material.E * self.width)
         twist = 2.0 * _over_half(weight, 1.0 / self._torsion)
@@ -162,7 +159,6 @@ class NotchElement:
         return np.asarray(shear * rectangle_torsion(b, self._half[3]))
 
     def bent_lines(self) -> tuple[BentLine, BentLine]:
-        """Return its bent lines in the planes x-y and x-z."""
         stiff, soft = self._planes
         return stiff.line, soft.line
 

@@ -15,7 +15,8 @@ import numpy as np
 from mbsvib.common.arguments import Vector, rotated
 from mbsvib.common.arrays import Array, Bools
 from mbsvib.common.display import Completed
-from mbsvib.elements.placement import Placement, Pose
+from mbsvib.elements.placement import Placement
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.roles import ParameterField, Role
 from mbsvib.errors import NoWordsError
 

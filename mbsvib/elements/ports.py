@@ -12,8 +12,9 @@ from mbsvib.common.arguments import Vector
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.deformations import Law
 from mbsvib.elements.part import Part, derived
-from mbsvib.elements.placement import GROUND, Placement, Pose
+from mbsvib.elements.placement import GROUND, Placement
 from mbsvib.elements.placement import direction as place_direction
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.roles import BODY, point, stated
 from mbsvib.errors import ModelError, nearest
 

@@ -13,7 +13,7 @@ from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import ENDS, LINE, Connection, PreloadForm, along, check_ends, line_between, line_force
 from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.part import Part, derived
-from mbsvib.elements.placement import Pose
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.roles import batched, number
 from mbsvib.elements.rows import ElementRows, columns
 from mbsvib.errors import ModelError

@@ -14,7 +14,8 @@ from mbsvib.common.arrays import Array
 from mbsvib.common.expected import reals
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.part import Composed, derived
-from mbsvib.elements.placement import Placement, Pose
+from mbsvib.elements.placement import Placement
+from mbsvib.elements.pose import Pose
 from mbsvib.errors import ModelError, counted
 from mbsvib.linalg.products import eigenrows
 from mbsvib.linalg.rotations import rigid_transport

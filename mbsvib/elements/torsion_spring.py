@@ -27,7 +27,7 @@ from mbsvib.elements import bushing
 from mbsvib.elements.connection import ENDS, Connection, PreloadForm, along, check_ends
 from mbsvib.elements.deformations import Law, swing, twist
 from mbsvib.elements.part import Part
-from mbsvib.elements.placement import Pose
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.roles import axis as line
 from mbsvib.elements.roles import batched, number
 from mbsvib.elements.shared_rows import ExpandedPart

@@ -15,6 +15,7 @@ from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.common.memory import MANY, keep_freed_memory
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.families import EXPANSIONS
+from mbsvib.elements.pose import Pose
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations, chunk_size, joined
 from mbsvib.equations.batch_loops import LoopPivots, closure_along, reduce_batch
@@ -40,7 +41,6 @@ from mbsvib.equations.wrenches import (
     preloaded,
 )
 from mbsvib.errors import SingularPoseError
-from mbsvib.kinematics.pose import Pose
 from mbsvib.kinematics.relative_motion import Triplets
 from mbsvib.mechanism.changes import Slots
 from mbsvib.mechanism.drives import driven_coordinates, with_drives_in_tree

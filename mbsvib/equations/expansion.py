@@ -10,8 +10,9 @@ import numpy as np
 
 from mbsvib.common.arrays import Array
 from mbsvib.elements.beam import Beam
-from mbsvib.elements.elastic_part import ElasticPart
-from mbsvib.elements.families import EXPANSIONS
+from mbsvib.elements.beam_expansion import weights
+from mbsvib.elements.elastic_part import ElasticPart, stiffness_of_forces, wrenches
+from mbsvib.elements.families import EXPANSIONS, elastic_parts
 from mbsvib.elements.shared_rows import Expansion, SharedRows
 from mbsvib.errors import ModelError
 from mbsvib.mechanism.mechanism import Mechanism
@@ -86,9 +87,6 @@ def with_damping_that_varies(model: M, slots: Slots) -> M:
 
 def _prestressed(result: M, model: M) -> M:
     """The expanded mechanism with the forces in beams and superelements in the loaded pose."""
-    from mbsvib.elements.beam_expansion import weights
-    from mbsvib.elements.elastic_part import stiffness_of_forces
-    from mbsvib.elements.families import elastic_parts
     from mbsvib.equations.beam_prestress import bent_lines, check_compression, element_forces
     from mbsvib.equations.hubs import falls
 
@@ -117,8 +115,6 @@ def _prestressed(result: M, model: M) -> M:
 
 def with_elastic_forces(model: M, parts: Sequence[ElasticPart], forces: Sequence[Array]) -> M:
     """Return a mechanism with the wrenches of elastic parts on their nodes, for forces (r,) in the rows of each."""
-    from mbsvib.elements.elastic_part import wrenches
-
     springs: dict[str, Any] = dict(model.springs)
     loads: dict[str, Any] = dict(model.loads)
     for part, row_forces in zip(parts, forces, strict=True):

@@ -44,6 +44,7 @@ from mbsvib.elements.coupler import Coupling
 from mbsvib.equations.scene import Scene
 from mbsvib.equations.wrenches import AppliedWrenches, leading
 from mbsvib.errors import ModelError
+from mbsvib.kinematics.couplers import couplings
 from mbsvib.kinematics.loops import Reduction
 from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.products import concatenated, squares_of_products
@@ -231,8 +232,6 @@ def curvature_stiffness(scene: Scene, reduction: Reduction, multipliers: Array) 
 
     ``multipliers`` (..., locked rows): forces at rest in the locked rows, those of couplers last.
     """
-    from mbsvib.kinematics.couplers import couplings
-
     joints = {joint.name: k for k, joint in enumerate(scene.topology.joints)}
     parts, stiffness, owner = [], [], []
     first = multipliers.shape[-1] - len(scene.couplers)

@@ -15,11 +15,11 @@ import numpy as np
 
 from mbsvib.common.arrays import Array, Index
 from mbsvib.elements import Joint
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.batch_values import Values
 from mbsvib.equations.inertia import SpatialInertia
 from mbsvib.equations.scene import Scene
-from mbsvib.kinematics.pose import Pose
 from mbsvib.linalg.rotations import frames_along
 from mbsvib.mechanism.changes import Slots
 from mbsvib.mechanism.topology import Topology

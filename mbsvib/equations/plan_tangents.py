@@ -22,13 +22,13 @@ from typing import Any
 import numpy as np
 
 from mbsvib.common.arrays import Array, Bools, Index
+from mbsvib.elements.pose import Pose
 from mbsvib.equations.batch_assembly import AssembledVariants, BatchPlan, assembled_variants
 from mbsvib.equations.batch_equations import BatchEquations, joined
 from mbsvib.equations.batch_values import STEP, Values, checked
 from mbsvib.equations.draft import Draft
 from mbsvib.equations.matrices import MATRICES, Terms
 from mbsvib.equations.posed_scene import posed_scene
-from mbsvib.kinematics.pose import Pose
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import ZERO_ALONG
 from mbsvib.linalg.rotations import skew

@@ -23,6 +23,7 @@ from mbsvib.common.fast_init import changed
 from mbsvib.elements import bushing, torsion_spring
 from mbsvib.elements.bushing import rows_of_matrices
 from mbsvib.elements.deformations import twist
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.rows import ElementRows, Rows
 from mbsvib.elements.spring import ROUNDING
 from mbsvib.equations.inertia import SpatialInertia
@@ -30,7 +31,7 @@ from mbsvib.equations.ports import Ports, port_bodies
 from mbsvib.equations.scene import Scene
 from mbsvib.equations.wrenches import AppliedWrenches, WrenchPairs, applied_wrenches, has_antisymmetric_forces
 from mbsvib.kinematics.loops import Cuts
-from mbsvib.kinematics.pose import Pose, size_of, start
+from mbsvib.kinematics.pose import size_of, start
 from mbsvib.kinematics.pose_kinematics import PoseKinematics, pose_kinematics
 from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.rotations import components_first, components_last, logarithm

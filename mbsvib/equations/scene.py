@@ -17,8 +17,8 @@ from mbsvib.elements.families import NODES, connection_rows
 from mbsvib.elements.rows import ElementRows, Rows, table
 from mbsvib.equations.inertia import SpatialInertia, spatial_inertia
 from mbsvib.equations.ports import Ports, ports
-from mbsvib.equations.wrenches import AppliedWrenches, is_loaded
-from mbsvib.kinematics.couplers import with_rows
+from mbsvib.equations.wrenches import AppliedWrenches, applied_wrenches, is_loaded
+from mbsvib.kinematics.couplers import with_couplers, with_rows
 from mbsvib.kinematics.loops import Cuts, Reduction, reduce
 from mbsvib.kinematics.relative_motion import Triplets, Twists, arm, relative_motion, twists
 from mbsvib.kinematics.shared_rows import Shared, shared_rows
@@ -116,16 +116,12 @@ def twists_and_cuts(
     number = topology.body_numbers
     coordinates, cuts = twists(topology, bodies), cut_rows(topology, bodies, number)
     if couplers:
-        from mbsvib.kinematics.couplers import with_couplers
-
         cuts = with_couplers(cuts, couplers, topology, bodies, number, coordinates)
     return coordinates, cuts
 
 
 def _loading(model: Mechanism) -> tuple[AppliedWrenches, dict[str, Any]]:
     """Applied wrenches, and an empty cache."""
-    from mbsvib.equations.wrenches import applied_wrenches
-
     return applied_wrenches(model, {name: i for i, name in enumerate((*model.bodies, "ground"))}), {}
 
 

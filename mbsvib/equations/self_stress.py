@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mbsvib.common.arrays import Array, Bools, Index
+from mbsvib.common.tables import listed
 from mbsvib.core.geometric_stiffness import motion_order
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.scene import Scene
@@ -53,8 +54,6 @@ class Undetermined:
 
     def explained(self) -> list[str]:
         """Return lines that describe the solution."""
-        from mbsvib.common.tables import listed
-
         lines = [
             f"  the model does not determine all forces in {listed(self.joints)}, as constraints are redundant: the "
             f"minimum-norm solution was taken",
@@ -148,8 +147,6 @@ def warn(model: str, undetermined: Sequence[Undetermined]) -> None:
     """Warn of undetermined outputs, at the line that called ``linearize``."""
     for forces in undetermined:
         if forces.outputs:
-            from mbsvib.common.tables import listed
-
             warnings.warn(
                 f"model '{model}' does not determine the outputs {listed(forces.outputs)}: constraints of the joints "
                 f"{listed(forces.joints)} are redundant. Of all forces in equilibrium those of least norm are "

@@ -27,7 +27,7 @@ from mbsvib.elements.rows import Rows
 from mbsvib.equations.load_stiffness import LoadedPairs, rounding
 from mbsvib.equations.matrices import matrices, minimal_rows
 from mbsvib.equations.scene import Scene
-from mbsvib.equations.spin_terms import CrossCoupling
+from mbsvib.equations.spin_terms import CrossCoupling, with_antisymmetric_terms
 from mbsvib.equations.wrenches import leading, trailing
 from mbsvib.kinematics.loops import Reduction
 from mbsvib.kinematics.relative_motion import Twists
@@ -229,8 +229,6 @@ class VirtualWork:
         scene, reduction = self._extended, self._minimal()
         terms = matrices(scene, minimal_rows(scene, self._relative, reduction), closed=reduction.matrix is not None)
         if momenta or couplings:
-            from mbsvib.equations.spin_terms import with_antisymmetric_terms
-
             terms = with_antisymmetric_terms(scene, reduction, terms, momenta, couplings)
         m = len(self._reduction.independent)
         elastic, factor = terms.elastic_rows, terms.inertia_factor

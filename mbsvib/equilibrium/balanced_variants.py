@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from mbsvib.common.arrays import Array, Bools
 from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.pose import Pose
 from mbsvib.equations.batch_assembly import B, BatchPlan, batch_plan, described_variants
 from mbsvib.equations.batch_equations import BatchEquations
 from mbsvib.equations.batch_loops import reduce_batch
@@ -30,7 +31,6 @@ from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import EquilibriumError
 from mbsvib.kinematics.couplers import locked
 from mbsvib.kinematics.couplings import coupler_travel
-from mbsvib.kinematics.pose import Pose
 from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import CLOSED_EXACTLY, EPS, ZERO_STIFFNESS
 from mbsvib.mechanism.changes import Slots

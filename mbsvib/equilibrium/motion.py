@@ -9,12 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from mbsvib.common.arrays import Array, Bools, Index
+from mbsvib.elements.pose import Pose
 from mbsvib.equations.scene import twists_and_cuts
 from mbsvib.kinematics.closing import CLOSED, CORRECTIONS
 from mbsvib.kinematics.couplers import locked
 from mbsvib.kinematics.couplings import Couplings, coupler_travel
 from mbsvib.kinematics.loops import Cuts
-from mbsvib.kinematics.pose import Pose, size_of, start
+from mbsvib.kinematics.pose import size_of, start
 from mbsvib.kinematics.pose_kinematics import PoseKinematics, pose_kinematics
 from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.linalg.dead_points import no_dead_point

@@ -15,6 +15,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array, Index
 from mbsvib.common.expected import names
 from mbsvib.elements.bushing import LARGEST_ANGLE
+from mbsvib.elements.pose import Pose
 from mbsvib.equilibrium.articulation import warn_beyond, with_rigid_parts
 from mbsvib.equilibrium.bending import elastic_mechanism, pose_of_least_energy
 from mbsvib.equilibrium.motion import kinematics_of
@@ -22,7 +23,6 @@ from mbsvib.equilibrium.moved_parts import model_in_pose
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, UnreachableError
 from mbsvib.kinematics.closing import TOLERANCE, Closing, Reached
 from mbsvib.kinematics.loops import kept_rows, reduce
-from mbsvib.kinematics.pose import Pose
 from mbsvib.kinematics.relative_motion import arm
 from mbsvib.linalg.dead_points import is_unknown
 from mbsvib.mechanism.mechanism import Mechanism

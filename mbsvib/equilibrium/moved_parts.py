@@ -16,9 +16,9 @@ from mbsvib.elements import Body, Joint
 from mbsvib.elements.coupler import refuse_curved
 from mbsvib.elements.families import EXPANSIONS, rebuild_with
 from mbsvib.elements.part import Part
+from mbsvib.elements.pose import Pose
 from mbsvib.equations.expansion import expanded
 from mbsvib.errors import ModelError
-from mbsvib.kinematics.pose import Pose
 from mbsvib.linalg.rotations import logarithm
 from mbsvib.mechanism.drives import with_drives_held
 from mbsvib.mechanism.mechanism import Mechanism

@@ -11,11 +11,11 @@ import numpy as np
 from mbsvib.common.arguments import names_in, shown, unknown
 from mbsvib.common.arrays import Array
 from mbsvib.common.patterns import matching
+from mbsvib.elements.pose import Pose
 from mbsvib.equilibrium.articulation import with_rigid_parts
 from mbsvib.equilibrium.moved import Poses, moved
 from mbsvib.equilibrium.moved_parts import check_couplers, model_in_pose
 from mbsvib.errors import ModelError
-from mbsvib.kinematics.pose import Pose
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
+from mbsvib.elements.pose import Pose
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import MbsvibError, counted
-from mbsvib.kinematics.pose import Pose
 from mbsvib.linalg.rotations import logarithm
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.sparse.equations import SparseEquations
@@ -112,8 +112,6 @@ def modes_of(model: Mechanism) -> Modes | None:
     """Return the modes of a model, the lowest ones where its equations are sparse; None if nothing can move."""
     from mbsvib.modes.result import RTOL, modes
     from mbsvib.sparse.choice import linearized
-    from mbsvib.sparse.equations import SparseEquations
-
     system: Equations | SparseEquations = linearized(model)
     if not system.dof:
         return None

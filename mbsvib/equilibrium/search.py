@@ -10,6 +10,7 @@ from typing import TypeVar
 from mbsvib.common.arrays import Array
 from mbsvib.common.expected import names
 from mbsvib.elements.coupler import refuse_curved
+from mbsvib.elements.pose import Pose
 from mbsvib.equations.equations import Equations
 from mbsvib.equilibrium.articulation import articulated, warn_beyond
 from mbsvib.equilibrium.balance import Balance, balance, unbalanced_force
@@ -19,7 +20,6 @@ from mbsvib.equilibrium.path import BALANCED, SearchResult, descend, follow, is_
 from mbsvib.equilibrium.preloads import RESIDUAL, without_rounding
 from mbsvib.equilibrium.report import Equilibrium, displacements
 from mbsvib.errors import EquilibriumError, ModelError
-from mbsvib.kinematics.pose import Pose
 from mbsvib.linalg.rank import BALANCE
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.sparse.choice import linearized

@@ -8,7 +8,9 @@ import numpy as np
 
 from mbsvib.common.display import upper
 from mbsvib.common.tables import SHOWN, listed
+from mbsvib.elements.connection import Connection
 from mbsvib.elements.motion_input import DrivenCoordinate
+from mbsvib.elements.rotor import Rotor
 from mbsvib.equations.equations import Equations, Removed, Separation, Truncation
 from mbsvib.equations.statics import Statics
 from mbsvib.errors import counted
@@ -221,9 +223,6 @@ def removed(part: Removed) -> list[str]:
 
 def _unsymmetric(system: Equations) -> list[str]:
     """Rotors and other causes of unsymmetric C and K."""
-    from mbsvib.elements.connection import Connection
-    from mbsvib.elements.rotor import Rotor
-
     rotors = [part for part in system.provenance.parts if isinstance(part, Rotor)]
     lines = []
     for rotor in rotors[:SHOWN]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
+from mbsvib.common.tables import text
 from mbsvib.core.pairs import duals, own_curvatures, shift_hessian, twists_of
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.load_stiffness import applied_pairs
@@ -61,8 +62,6 @@ class StiffnessShares(Columnar, Displayed):
         return {kind: self.shares[kinds == kind].sum(axis=0) for kind in dict.fromkeys(self.kinds)}
 
     def __str__(self) -> str:
-        from mbsvib.common.tables import text
-
         count = min(SHOWN_MODES, self.shares.shape[1])
         shown = [i for i, row in enumerate(self.shares) if np.abs(row[:count]).max(initial=0.0) >= SHOWN_SHARE]
         percent = np.round(100.0 * self.shares, 1) + 0.0  # no "-0.0"

@@ -16,6 +16,7 @@ from math import comb
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import LinearConstraint, minimize
 
 from mbsvib.common.arrays import Array
 from mbsvib.isolation.placement_criteria import Criterion
@@ -158,8 +159,6 @@ def _bound(criterion: Criterion, sizes: tuple[int, int], chosen: tuple[int, int]
 
 def _relaxed(criterion: Criterion, fixed: list[Array], chosen: tuple[int, int], free: list[int]) -> float:
     """The bound by the convex problem in the weights of the ``free`` sides, those of the others are ``fixed``."""
-    from scipy.optimize import LinearConstraint, minimize
-
     ends = np.cumsum([0, *[len(fixed[side]) for side in free]])
     parts = [slice(int(a), int(b)) for a, b in pairwise(ends)]
     best = -np.inf

@@ -17,9 +17,9 @@ import numpy as np
 from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.common.fast_init import changed, fast_init
 from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.pose import Pose
 from mbsvib.kinematics.couplers import locked
 from mbsvib.kinematics.couplings import coupler_travel
-from mbsvib.kinematics.pose import Pose
 from mbsvib.kinematics.pose_kinematics import PoseKinematics
 from mbsvib.linalg.dead_points import NEARBY, no_dead_point
 from mbsvib.linalg.rank import CLOSED_EXACTLY, NEAR_SINGULAR

@@ -13,8 +13,8 @@ from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.elements import Joint
 from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.rows import Rows
-from mbsvib.kinematics.pose import Pose
 from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.linalg.components import arctan2
 from mbsvib.linalg.rotations import logarithm

@@ -16,10 +16,10 @@ import numpy as np
 
 from mbsvib.common.arrays import Array
 from mbsvib.common.tables import listed
+from mbsvib.elements.pose import IDENTITY, Pose
 from mbsvib.errors import SingularPoseError
 from mbsvib.kinematics.couplers import locked
 from mbsvib.kinematics.loops import Cuts, LoopGroup, Reduction
-from mbsvib.kinematics.pose import IDENTITY, Pose
 from mbsvib.kinematics.relative_motion import Twists, body_motion
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import NEIGHBOUR_PIVOT, NEIGHBOUR_STEP, PARALLEL_AXES, RANK_FACTOR

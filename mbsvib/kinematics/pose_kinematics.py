@@ -15,10 +15,11 @@ import numpy as np
 
 from mbsvib.common.arrays import Array, Index
 from mbsvib.common.fast_init import changed
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.couplers import locked
 from mbsvib.kinematics.loops import Cuts
-from mbsvib.kinematics.pose import Openings, Pose, openings_of, stacked, with_own_axes
+from mbsvib.kinematics.pose import Openings, openings_of, stacked, with_own_axes
 from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.kinematics.tree_motion import FiniteMotion, Tree, tree_of
 from mbsvib.linalg.products import concatenated

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.arrays import Array, Index
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.rows import Rows
 from mbsvib.elements.shared_rows import Expansion, Node, SharedRows
-from mbsvib.kinematics.pose import Pose
 from mbsvib.linalg.components import stacked_all
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rotations import components_first, components_last

@@ -13,7 +13,7 @@ from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.common.arrays import Array, Index
 from mbsvib.elements import Joint
 from mbsvib.elements.joint_kinds import Columns, Motion, displaced
-from mbsvib.kinematics.pose import IDENTITY, Pose
+from mbsvib.elements.pose import IDENTITY, Pose
 from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.rotations import axial, components_first, components_last, exponential, jacobian
 from mbsvib.mechanism.topology import FLOATS, Topology

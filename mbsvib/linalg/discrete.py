@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import expm
 
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.linalg.balancing import column_units
@@ -76,8 +77,6 @@ def first_order_hold(a: Array, b: Array, step: float) -> tuple[Array, Array, Arr
 
     Source: C. F. Van Loan, IEEE Trans. Automatic Control 23 (1978) 395: integrals of the matrix exponential.
     """
-    from scipy.linalg import expm
-
     n, i = b.shape
     # the size of inputs must not decide how often expm squares; powers of two round nothing
     scale = column_units(b, 1.0)

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag, schur, solve_sylvester
 
 from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.linalg.balancing import exponents, scaled_by
@@ -127,8 +128,6 @@ def _decoupled(a: Array, of_a: Spectrum, own: Bools) -> tuple[tuple[Array, Array
     """Rows and columns that decouple the states of some eigenvalues, and A in them; A of all others; and the size of
     the projection on these states.
     """
-    from scipy.linalg import schur, solve_sylvester
-
     if own.all() or not own.any():
         rows = np.eye(len(a))[own]
         return (rows, rows.T, a[np.ix_(own, own)]), a[np.ix_(~own, ~own)], 1.0
@@ -163,8 +162,6 @@ def _same_poles(parts: list[Part]) -> list[list[Part]]:
 
 def _joined(parts: list[Part]) -> Part:
     """Several parts as one."""
-    from scipy.linalg import block_diag
-
     if len(parts) == 1:
         return parts[0]
     poles, errors = (np.concatenate(values) for values in zip(*[(p.poles, p.errors[0]) for p in parts], strict=True))

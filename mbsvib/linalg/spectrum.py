@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import eig
 
 from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.linalg.balancing import Exponents, matrix_exponents
@@ -77,8 +78,6 @@ def outside(of_a: Spectrum) -> Bools:
 
 def spectrum(a: Array) -> Spectrum:
     """Return the eigenvalues of a matrix (n, n) with their errors, in LAPACK's order."""
-    from scipy.linalg import eig
-
     if not len(a):
         none = np.zeros((0, 0), dtype=complex)
         return Spectrum(np.zeros(0, dtype=complex), np.zeros(0), none, none, np.zeros(0, dtype=np.int64))

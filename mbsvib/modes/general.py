@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import eig
 
 from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.equations.equations import Equations
@@ -230,8 +231,6 @@ _Eigensolution = tuple["Complex", "Complex", "Complex"]
 
 def _eigen(a: Array) -> _Eigensolution:
     """Eigenvalues without those of negative imaginary part, with left and right vectors."""
-    from scipy.linalg import eig
-
     values, left, right = eig(a, left=True, right=True)
     half = np.nonzero(values.imag >= 0.0)[0]
     return values[half], left[:, half].conj().astype(complex), right[:, half].astype(complex)

@@ -20,6 +20,7 @@ from mbsvib.responses.frequency_grid import resolving_frequencies, zeros_of
 from mbsvib.responses.frequency_grid import span as range_of
 from mbsvib.responses.frequency_response import zero_responses
 from mbsvib.responses.from_control import is_control, is_transfer_function, of_control
+from mbsvib.responses.state_space import StateSpace
 
 # mbsvib.System
 System: TypeAlias = Any
@@ -38,8 +39,6 @@ def linear(value: Any) -> Linear:
     Raises ResponseError for anything else, or data without equations.
     """
     if is_control(value) or is_transfer_function(value):
-        from mbsvib.responses.state_space import StateSpace
-
         return StateSpace.from_control(value)
     if of_control(value):
         raise ResponseError(f"plots: systems = {type(value).__name__} '{value.name}'; expected equations, a "

@@ -22,6 +22,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag, expm
 
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ResponseError
@@ -84,8 +85,6 @@ def in_rows(filters: tuple[Shaped | None, ...], levels: bool) -> Equations:
 
     ``levels``: whether each is driven by white noise of the density 1, half of which is its intensity.
     """
-    from scipy.linalg import block_diag
-
     gains = [1.0 if f is None or not levels else float(np.sqrt(0.5 * f.level)) for f in filters]
     n = [0 if f is None else len(f.a) for f in filters]
     a = block_diag(*[np.zeros((0, 0)) if f is None else f.a for f in filters])
@@ -159,8 +158,6 @@ def averaged(a: Array, c: Array, windows: Sequence[Window | None]) -> Array:
 
     mean: 2 C phi_2(A T) P C^T;  within: -2 C A T phi_3(A T) P C^T;  phi_k(z) = sum of z^j / (j + k)!
     """
-    from scipy.linalg import expm
-
     result, n = c.copy(), len(a)
     for row, window in enumerate(windows):
         if window is None or not n:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from mbsvib.common import units
 from mbsvib.errors import ResponseError
@@ -16,6 +17,7 @@ from mbsvib.linalg.matching import subspace_mac
 from mbsvib.measurement.comparing import compare
 from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.modes import MeasuredModes
+from mbsvib.plots import _scene
 
 # Of pairs that are alike to this the nearer in number is taken.
 ORDER = 1e-9
@@ -30,8 +32,6 @@ def compared_modes(first: Any, second: Any) -> dict[str, Any]:
 
     Returns ``by``: "shape" or "frequency"; ``rows``: numbers of the modes from 0 or None, MAC or None.
     """
-    from scipy.optimize import linear_sum_assignment
-
     a, b = first.modes(), second.modes()
     n, k = len(a), len(b)
     shapes = _shared(first, second)
@@ -102,8 +102,6 @@ def _listed(values: Any) -> list[float | None]:
 
 def _shared(first: Any, second: Any) -> tuple[NDArray[Any], NDArray[Any]] | None:
     """Shapes at the bodies that both have, rotations times the size of the mechanism."""
-    from mbsvib.plots import _scene
-
     if not (has_geometry(first) and has_geometry(second)):
         return None
     names = [name for name in first.bodies if name in set(second.bodies)]

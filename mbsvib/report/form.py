@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import matrix_balance, schur, solve_banded, solve_triangular
 
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ResponseError
@@ -144,8 +145,6 @@ def _blocks(system: Any, space: StateSpace, o: Sequence[int], i: Sequence[int]) 
 
 
 def _triangular(space: StateSpace, o: Sequence[int], i: Sequence[int]) -> Form:
-    from scipy.linalg import matrix_balance, schur
-
     balanced, (scale, _) = matrix_balance(space.A, permute=False, separate=True)
     a, vectors = schur(balanced, output="complex")
     rows, b = (space.C[o] * scale) @ vectors, vectors.conj().T @ (space.B[:, i] / scale[:, None])
@@ -167,8 +166,6 @@ def _at(form: Form, s: Complex) -> Complex:
 
 def _solution(form: Form, s: complex) -> Complex:
     """(s - A)^-1 B: blocks by banded elimination, triangles by substitution; infinite at a pole."""
-    from scipy.linalg import solve_banded, solve_triangular
-
     n = len(form.a)
     try:
         if not form.blocks:

@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 from mbsvib.api.driven import DrivenSystem
 from mbsvib.api.model import Model
 from mbsvib.api.system import System
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_model, kind_of
 from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError, ModelError
@@ -118,8 +119,6 @@ def write(
     ModelError, ResponseError
         As of ``html``.
     """
-    from mbsvib.common.atomic_file import write_atomic
-
     text = html(source, outputs, inputs, compare=compare, names=names, budget=budget).encode("utf-8")
     return write_atomic(path, lambda stream: stream.write(text))
 

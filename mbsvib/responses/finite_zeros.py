@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
+from scipy.linalg import eig, qr
 
 from mbsvib.common.arrays import Array, Bools, Complex
 from mbsvib.errors import ResponseError
@@ -216,8 +217,6 @@ def _of_square(a: Array, b: Array, c: Array, d: Array) -> Complex:
         return np.linalg.eigvals(a).astype(complex)
     if np.linalg.norm(np.linalg.inv(d), 2) * np.linalg.norm(b, 2) * np.linalg.norm(c, 2) <= REGULAR:
         return np.linalg.eigvals(a - b @ np.linalg.solve(d, c)).astype(complex)
-    from scipy.linalg import eig
-
     turn = np.linalg.qr(np.concatenate((c, d), axis=1).T, mode="complete")[0][:, len(d) :]
     top = np.concatenate((a, b), axis=1) @ turn
     alpha, beta = eig(top, turn[:n], right=False, homogeneous_eigvals=True)
@@ -248,8 +247,6 @@ def _peeled(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array, Array
 
 def _rank(matrix: Array, size: float) -> tuple[int, Array]:
     """Rank of a matrix against entries of ``size``, and an orthogonal matrix whose first columns span its range."""
-    from scipy.linalg import qr
-
     if not matrix.size:
         return 0, np.eye(len(matrix))
     turn, upper, _ = qr(matrix, pivoting=True)

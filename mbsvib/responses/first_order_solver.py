@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import eig, schur
 
 from mbsvib.common.arrays import Array, Bools, Complex
 from mbsvib.common.expected import angular, reals
@@ -124,8 +125,6 @@ class FirstOrderSolver:
 
 def first_order_solver(a: Array, b: Array, c: Array, name: str) -> FirstOrderSolver:
     """Return the solver of first-order equations ``a`` (n, n), ``b`` (n, inputs), ``c`` (outputs, n)."""
-    from scipy.linalg import schur
-
     power = exponents(a, b, c)
     scaled = np.ldexp(a, power[None, :] - power[:, None])
     triangle, vectors = schur(scaled, output="complex") if len(a) else (scaled.astype(complex),) * 2
@@ -181,8 +180,6 @@ def _start(initial: Any, n: int) -> Array:
 
 def pole_slope(a: Array, number: Callable[[Complex], int]) -> tuple[complex, Complex]:
     """Return a pole, the one whose ``number`` among all (n,) a function tells, and its derivatives to A (n, n)."""
-    from scipy.linalg import eig
-
     values, left, right = eig(a, left=True)
     k = int(number(values))
     y, x = left[:, k].conj(), right[:, k]

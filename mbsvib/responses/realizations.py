@@ -12,7 +12,7 @@ from mbsvib.common.expected import one_of
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
 from mbsvib.modes.damped import Damped
-from mbsvib.modes.general import is_general
+from mbsvib.modes.general import General, is_general
 from mbsvib.responses.basis import Basis
 from mbsvib.responses.energy_schur import ModalStates, energy_matrix, last, zeros_of_lasting_states
 from mbsvib.responses.feedthrough import accelerations, feedthrough, of_first_order
@@ -77,7 +77,6 @@ def balanced_states(space: S) -> S:
 
 
 def _massless(basis: Basis, realization: str, form: type[S]) -> S:
-    from mbsvib.modes.general import General
     from mbsvib.responses.general_responses import modal_states
 
     system = basis.equations

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed, upper
 from mbsvib.common.expected import reals
-from mbsvib.common.selection import Names
+from mbsvib.common.selection import Names, port_numbers, signal_names
 from mbsvib.errors import ResponseError, counted
 from mbsvib.responses.linear import LinearVerbs
 
@@ -188,7 +188,6 @@ class StateSpace(LinearVerbs, Displayed):
         return self
 
     def _with_ports(self, outputs: Names, inputs: Names) -> Self:
-        from mbsvib.common.selection import port_numbers
         from mbsvib.equations.selection import port_fields
 
         o, i = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
@@ -251,6 +250,4 @@ def _matrix(name: str, label: str, value: Any) -> Array:
 
 
 def _named(name: str, label: str, labels: Sequence[str] | None, count: int) -> tuple[str, ...]:
-    from mbsvib.common.selection import signal_names
-
     return signal_names(labels, count, label, f"StateSpace '{name}'")

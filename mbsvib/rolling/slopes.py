@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import eig
 
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ModelError
@@ -73,8 +74,6 @@ def _matrix_slope(model: Mechanism, name: str, states: Sequence[str], independen
 
 def _eigenvalue_slopes(a: Array, change: Array, values: Complex) -> Complex:
     """Derivatives of eigenvalues in the order of ``values``; those that are 0 by structure stay so."""
-    from scipy.linalg import eig
-
     poles, left, right = eig(a, left=True)
     result = np.zeros(len(values), dtype=complex)
     open_poles = list(range(len(poles)))

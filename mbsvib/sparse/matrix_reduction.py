@@ -23,6 +23,8 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
+from scipy.linalg import null_space
+from scipy.sparse import csc_matrix
 
 from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import AnyArray, Array, Complex
@@ -304,8 +306,6 @@ class HeldMatrices(SparseMatrices):
 
     def motions(self) -> Array:
         """Return a basis of the motions that leave the interface at rest."""
-        from scipy.linalg import null_space
-
         return np.asarray(null_space(self.rows))
 
 
@@ -347,8 +347,6 @@ def _interface(system: SparseEquations) -> tuple[Array, list[str]]:
 
 def _craig_bampton(system: SparseEquations, order: int | None, error: float | None, form: type[E]) -> E:
     """Displacements of the interface, and modes with these held; the error by way of a modal model with a bound."""
-    from scipy.sparse import csc_matrix
-
     rows, names = _interface(system)
     given = matrices_of(system)
     if error is not None or order is None or order <= len(rows):

@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import eigh
 
 from mbsvib.common.arrays import AnyArray, Array, Index
 from mbsvib.errors import ResponseError
@@ -183,8 +184,6 @@ def _modes(t: Operator, basis: Array) -> tuple[Operator, _Found]:
 
     Those are rigid-body modes whose strain energy is rounding of its terms.
     """
-    from scipy.linalg import eigh
-
     given = matrices_of(t.system)
     square, y = eigh(basis.T @ (given.K @ basis), basis.T @ (given.M @ basis))
     x = basis @ y
@@ -222,8 +221,6 @@ def _counted(t: Operator, radius: float) -> int:
 
 def _all_modes(t: Operator) -> tuple[Operator, _Found]:
     """All modes, by a dense solver, and the operator without its rigid-body modes."""
-    from scipy.linalg import eigh
-
     given, dof = matrices_of(t.system), t.system.dof
     if t.system.layout.size > LARGEST:
         raise ResponseError(f"modes: so many of the {dof} modes of '{t.system.name}' need its dense matrices; ask for "

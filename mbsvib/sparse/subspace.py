@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import eigh
 
 from mbsvib.common.arrays import Array
 from mbsvib.linalg.rank import ZERO_SUM
@@ -199,8 +200,6 @@ def _rigid_separated(space: Subspace) -> Subspace:
 
 def _rigid_by_strain(space: Subspace, total: int) -> Subspace:
     """The subspace with a known number of rigid-body modes first: those with the smallest strain energy."""
-    from scipy.linalg import eigh
-
     t, z = space.operator, space.z
     rows, h = t.system.elastic_rows @ z, t.w @ z
     square, shapes = eigh(rows.T @ (t.system.row_stiffness[:, None] * rows), h.T @ h)

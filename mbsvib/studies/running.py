@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
@@ -331,8 +332,6 @@ def _part(columns: Mapping[str, Any], numbers: Sequence[int]) -> dict[str, Any]:
 
 def _configured() -> bool:
     """Tell whether the caller has set up joblib, by its parallel_config."""
-    import sys
-
     if "joblib" not in sys.modules:
         return False
     from joblib.parallel import BACKENDS, DEFAULT_BACKEND, get_active_backend

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 import mbsvib as mv
 from mbsvib.beams import Material, Rectangle, Section
-from mbsvib.elements.beam_element import deflection, mass_rows, rotation, shapes_at, shear_ratios, stiffness
+from mbsvib.elements.beam_element import Prismatic, deflection, rotation, shapes_at, shear_ratios
 from tests.beams.reference import assembled, cantilever_plane, eigenvalue_near, matrices
 
 MATERIAL = Material(E=7e10, nu=0.33, rho=2700.0)
@@ -25,7 +25,7 @@ def book(length, shear):
 @pytest.mark.parametrize("length", [0.05, 0.8])
 def test_element_matrices_are_those_of_the_book(length, shear):
     p = SECTION.properties(MATERIAL.poisson)
-    rows = mass_rows(length, p, MATERIAL, shear)
+    rows = Prismatic(length, p, MATERIAL, shear).mass_rows()
     k, m = (np.array(part) for part in book(length, shear))
     size = np.sqrt(np.outer(m.diagonal(), m.diagonal()))
     assert np.abs((rows.T @ rows - m) / size).max() < 1e-14
@@ -35,7 +35,7 @@ def test_element_matrices_are_those_of_the_book(length, shear):
     other = middle.copy()
     other[1, 5], other[2, 4] = -half, half
     deformation = np.hstack((-middle, other))
-    result = deformation.T @ np.diag(stiffness(length, p, MATERIAL, shear)) @ deformation
+    result = deformation.T @ np.diag(Prismatic(length, p, MATERIAL, shear).stiffness()) @ deformation
     size = np.sqrt(np.outer(k.diagonal(), k.diagonal()))
     assert np.abs((result - k) / size).max() < 1e-14
 

@@ -9,11 +9,12 @@ import mbsvib as mv
 from mbsvib.elements.connection import ENDS, LINE, Connection
 from mbsvib.elements.families import FAMILIES
 from mbsvib.elements.placement import Placement
+from mbsvib.elements.pose import Pose
 from mbsvib.elements.roles import stated
 from mbsvib.equations.batch_values import Values
 from mbsvib.equilibrium.moved_parts import model_in_pose
 from mbsvib.errors import ModelError
-from mbsvib.kinematics.pose import Pose, start
+from mbsvib.kinematics.pose import start
 from mbsvib.mechanism.changes import Slots
 from mbsvib.mechanism.parameters import Parameters
 

@@ -17,7 +17,8 @@ from scipy.sparse import csr_array
 from mbsvib.common.arrays import Array
 from mbsvib.elements import Bushing
 from mbsvib.elements.part import Part
-from mbsvib.kinematics.pose import IDENTITY, Pose, start
+from mbsvib.elements.pose import IDENTITY, Pose
+from mbsvib.kinematics.pose import start
 from mbsvib.linalg.rank import ZERO_TURN
 from mbsvib.linalg.vectors import cross, wide
 from mbsvib.mechanism.mechanism import Mechanism
