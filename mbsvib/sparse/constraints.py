@@ -19,9 +19,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix, diags, eye, vstack
+from scipy.sparse.linalg import splu
 
 from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.elements import Body
@@ -48,9 +50,6 @@ from mbsvib.mechanism.topology import Topology
 from mbsvib.sparse.layout import Layout, VirtualUnknowns, path_entries, relative_rows
 from mbsvib.sparse.tableau import Tableau
 from mbsvib.sparse.tree import Tree
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
 
 Entry = tuple[Index, Index, Array]
 
@@ -123,8 +122,6 @@ class Constraints:
         rows = moved(self.independent, self.joint[self.is_independent[:count]])
         if couplings is None:
             return rows
-        from scipy.sparse import vstack
-
         measured = moved(couplings.measured, couplings.owner)
         couplers = np.flatnonzero(self.is_independent[count:])
         return vstack((rows, _coupler_rows(tree, layout, couplings, measured)[couplers])).tocsr()
@@ -155,8 +152,6 @@ def _locked_entries(tree: Tree, cuts: Cuts) -> Entry:
     couplings = cuts.couplings
     if couplings is None:
         return row, column, value
-    from scipy.sparse import coo_matrix
-
     coupler, coefficient = couplings.of_measured
     inside = np.flatnonzero(couplings.column >= 0)
     at, column_of, value_of, _ = path_entries(tree, couplings.measured, None)
@@ -171,8 +166,6 @@ def _locked_entries(tree: Tree, cuts: Cuts) -> Entry:
 
 def _coupler_rows(tree: Tree, layout: Layout, couplings: Couplings, measured: csr_matrix) -> csr_matrix:
     """Rows of couplers over the unknowns of ``measured`` (coordinates of cut joints, size), scaled to order one."""
-    from scipy.sparse import csr_matrix, diags
-
     coupler, coefficient = couplings.of_measured
     count, inside = len(couplings.touched), np.flatnonzero(couplings.column >= 0)
     at = (couplings.row[inside], layout.coordinate[couplings.column[inside]])
@@ -271,8 +264,6 @@ class _Decision:
 
     def _unit_rows(self, rows: Index, columns: Index) -> csr_matrix:
         """Some rows of Phi with lengths in links, scaled to unit length."""
-        from scipy.sparse import csr_matrix
-
         row, column, value = self.entries.of(rows)
         length = self.tree.length
         value = value * np.where(self.tree.turns[column], 1.0, length)
@@ -310,9 +301,6 @@ def _dependent(s: csr_matrix, limit: float) -> tuple[Index, float, float]:
 
 def _distances(s: csr_matrix) -> tuple[Array, Any]:
     """Squared distance of every row from the span of those before it in the order of elimination, and the factors."""
-    from scipy.sparse import eye
-    from scipy.sparse.linalg import splu
-
     lu = splu((s @ s.T + REGULARISATION * eye(s.shape[0])).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
               options={"SymmetricMode": True})  # fmt: skip
     return np.abs(lu.U.diagonal())[lu.perm_c], lu

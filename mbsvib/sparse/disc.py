@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.sparse import csr_matrix, diags
 
 from mbsvib.common.arrays import AnyArray, Array, Complex
 from mbsvib.sparse.arnoldi import Ritz, arnoldi
@@ -52,8 +53,6 @@ class Shifted:
     @cached_property
     def _dampers(self) -> tuple[Any, Any]:
         """Rows of dampers in the square root of energy, and the same with the dampers' signs, transposed."""
-        from scipy.sparse import diags
-
         system = self.quadratic.system
         used = np.flatnonzero(system.row_damping)
         c = system.row_damping[used]
@@ -63,8 +62,6 @@ class Shifted:
     @cached_property
     def _spins(self) -> tuple[Any, Any]:
         """Coordinates on which G acts in the square root of energy, and G over these."""
-        from scipy.sparse import csr_matrix, diags
-
         system = self.quadratic.system
         g = system.gyroscopic
         if g is None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.sparse import block_diag, csr_matrix, diags, vstack
 
 from mbsvib.common.arrays import Array, Index
 from mbsvib.elements import Body
@@ -40,8 +41,6 @@ from mbsvib.sparse.tableau import Tableau
 from mbsvib.sparse.tree import Tree, tree
 
 if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
-
     from mbsvib.sparse.geometric_stiffness import Loading
 
 
@@ -106,8 +105,6 @@ class SparseDraft:
 
     def with_rows(self, rows: csr_matrix, k: Array, c: Array, owner: Index) -> SparseDraft:
         """Return the draft with more elastic rows."""
-        from scipy.sparse import vstack
-
         return replace(
             self, rows=vstack((self.rows, rows)).tocsr(), k=np.concatenate((self.k, k)),
             c=np.concatenate((self.c, c)), owner=np.concatenate((self.owner, owner)),
@@ -150,8 +147,6 @@ def first_draft(model: Mechanism, nodes: Mechanism, topology: Topology, removed:
 def inertia_rows(layout: Layout, inertia: SpatialInertia) -> csr_matrix:
     """Return W (6 bodies, size) of M = W^T W: three rows for the translation of each body and three for its rotation.
     """
-    from scipy.sparse import csr_matrix
-
     n = len(inertia.linear)
     root = np.zeros((n, 6, 6))
     root[:, [0, 1, 2], [0, 1, 2]] = inertia.linear[:, None]
@@ -166,8 +161,6 @@ def with_shared(draft: SparseDraft) -> SparseDraft:
     shared, factor = draft.shared, draft.factor
     if shared is None:
         return draft
-    from scipy.sparse import vstack
-
     if shared.mass is not None:
         mass_rows = shared.mass.of_sparse(relative_rows(draft.structure, draft.layout, shared.mass.rows))
         factor = vstack((factor, mass_rows)).tocsr()
@@ -188,8 +181,6 @@ def with_inerters(draft: SparseDraft) -> SparseDraft:
     inertance = draft.springs.inertance
     if inertance is None:
         return draft
-    from scipy.sparse import diags, vstack
-
     used = inertance.nonzero()[0]
     rows = diags(np.sqrt(inertance[used])) @ draft.elastic[used]
     return replace(draft, factor=vstack((draft.factor, rows)).tocsr())
@@ -222,8 +213,6 @@ def of_rotors(layout: Layout, momenta: Sequence[tuple[int, Array]]) -> csr_matri
 
     Terms in the rotation of a body may cancel exactly; as sums over joint coordinates they would cancel to rounding.
     """
-    from scipy.sparse import csr_matrix
-
     if not momenta:
         return None
     column = layout.displacement[[body for body, _ in momenta], 3:]
@@ -234,8 +223,6 @@ def of_rotors(layout: Layout, momenta: Sequence[tuple[int, Array]]) -> csr_matri
 
 def _form(rows: csr_matrix, matrices: Sequence[Array]) -> csr_matrix | None:
     """The antisymmetric part of R^T A R for the six rows R of each of some matrices A (6, 6); None if it is zero."""
-    from scipy.sparse import block_diag, csr_matrix
-
     half = block_diag([csr_matrix(np.triu(0.5 * (matrix - matrix.T), 1)) for matrix in matrices], format="csr")
     if not half.nnz:
         return None
@@ -245,8 +232,6 @@ def _form(rows: csr_matrix, matrices: Sequence[Array]) -> csr_matrix | None:
 
 def with_ports(draft: SparseDraft) -> SparseDraft:
     """Return a draft with the rows of its inputs and outputs, and the feedthrough D, except forces in joints."""
-    from scipy.sparse import csr_matrix
-
     port, springs, position = draft.port, draft.springs, draft.structure.position
     forces, u, y = len(port.force_inputs), len(port.input_units), len(port.output_units)
     inputs = placed(draft.port_rows[:forces], port.force_inputs, u)
@@ -274,6 +259,4 @@ def with_ports(draft: SparseDraft) -> SparseDraft:
 
 def placed(rows: csr_matrix, at: Sequence[int] | Index, count: int) -> csr_matrix:
     """Return rows (n, size) in the places ``at`` (n,) of ``count`` rows."""
-    from scipy.sparse import csr_matrix
-
     return csr_matrix((np.ones(len(at)), (at, np.arange(len(at)))), shape=(count, len(at))) @ rows

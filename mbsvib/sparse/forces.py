@@ -12,9 +12,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.sparse import csc_matrix, csr_matrix, eye
+from scipy.sparse.linalg import splu
 
 from mbsvib.common.arrays import Array, Index
 from mbsvib.common.tables import listed
@@ -32,14 +34,9 @@ from mbsvib.sparse.layout import relative_rows, virtual_unknowns
 from mbsvib.sparse.self_stress import Region
 from mbsvib.sparse.tableau import FINE, SINGULAR, Factor
 
-if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
-
 
 def with_joint_forces(draft: SparseDraft) -> SparseDraft:
     """Return a draft with the rows of outputs that are forces in joints or sums of forces."""
-    from scipy.sparse import csr_matrix
-
     work = VirtualWork(draft)
     through, outputs = draft.D.copy(), list(draft.outputs)
     for row, kind, number, wrench in draft.port.wrench_outputs:
@@ -240,9 +237,6 @@ class VirtualWork:
     @cached_property
     def _ways(self) -> Any:
         """The factor that adds up what is given for each body on its way from ground, parents before children."""
-        from scipy.sparse import csc_matrix, eye
-        from scipy.sparse.linalg import splu
-
         structure, n = self._draft.structure, self._n
         place = np.empty(n, dtype=np.intp)
         place[structure.outward] = np.arange(n)

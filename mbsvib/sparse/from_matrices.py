@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
+from scipy.sparse import csc_matrix, eye
 
 from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import AnyArray, Array
@@ -100,8 +101,6 @@ def sparse_from_matrices(
     ``ports``: B (m, inputs), Cq, Cv, Ca (outputs, m) and D (outputs, inputs), or None. ``names``: of inputs, outputs
     and coordinates, or None.
     """
-    from scipy.sparse import csc_matrix, eye
-
     m = np.shape(matrices[0])[0] if np.ndim(matrices[0]) == 2 or hasattr(matrices[0], "shape") else 0
     mass, damping, stiffness = (csc_matrix((m, m)) if value is None else _symmetric(name, label, value, m)
                                 for label, value in zip("MCK", matrices, strict=True))  # fmt: skip
@@ -127,8 +126,6 @@ def sparse_from_matrices(
 
 def _matrix(name: str, label: str, value: Any) -> Any:
     """A sparse matrix by columns, of finite real numbers."""
-    from scipy.sparse import csc_matrix
-
     try:
         matrix = csc_matrix(value, dtype=complex if np.iscomplexobj(getattr(value, "data", value)) else float)
     except (TypeError, ValueError):

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
 
 from mbsvib.common.arrays import AnyArray, Array, Complex, Index
 from mbsvib.equations.equations import Equations
@@ -83,8 +84,6 @@ def with_static_motions(system: SparseEquations, basis: Array) -> Array:
     """
     if system.separation is None or not system.separation.static.shape[1]:
         return basis
-    from scipy.sparse.linalg import splu
-
     n, rows = system.separation.static, system.elastic_rows
     force = n.T @ (rows.T.multiply(system.row_stiffness))
     if system.circulatory is None:

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.sparse import csr_matrix, diags, vstack
 
 from mbsvib.common.arrays import Array, Index
 from mbsvib.core.geometric_stiffness import Pairs
@@ -24,9 +24,6 @@ from mbsvib.linalg.rank import ZERO_FORM
 from mbsvib.mechanism.topology import FLOATS, Topology
 from mbsvib.sparse.layout import Layout, VirtualUnknowns, relative_rows
 from mbsvib.sparse.tree import Tree
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
 
 _DIAGONAL = np.arange(3)
 
@@ -42,8 +39,6 @@ class Products:
     @staticmethod
     def join(parts: Sequence[Products]) -> Products:
         """Return all products in one."""
-        from scipy.sparse import vstack
-
         first, second = (vstack([getattr(part, key) for part in parts]).tocsr() for key in ("first", "second"))
         return Products(first, second, np.concatenate([part.owner for part in parts]))
 
@@ -55,8 +50,6 @@ class Products:
         """Return rows with signed weights and owners, whose squares are the products; see ``squares_of_products``. A
         product of parallel rows is one square.
         """
-        from scipy.sparse import diags, vstack
-
         sizes = [_dots(part, part) for part in (self.first, self.second)]
         used = np.flatnonzero(sizes[0] * sizes[1])
         first, second, owner = self.first[used], self.second[used], self.owner[used]
@@ -102,8 +95,6 @@ def of_bodies(tree: Tree, layout: Layout, forces: Sequence[tuple[Index, Array, A
 
 def _of_entries(row: Index, column: Index, value: Array, owner: Index, layout: Layout) -> Products:
     """Products of pairs of unknowns (n,); those of an unknown with others are one. Unknown -1 is no motion."""
-    from scipy.sparse import csr_matrix
-
     used = np.flatnonzero((row >= 0) & (column >= 0) & (value != 0.0))
     unknown, first, number = np.unique(row[used], return_index=True, return_inverse=True)
     n = len(unknown)
@@ -136,8 +127,6 @@ class JointForms:
         ``wrench`` (6, joints) (force, moment): on their second bodies, about the points of their twists. ``owner``: the
         number of the first joint.
         """
-        from scipy.sparse import csr_matrix, vstack
-
         layout, column, n = self.unknowns.layout, self.unknowns.column, len(self.joint)
         of_first = np.concatenate((layout.displacement[:, 3:], np.full((1, 3), -1)))[self.first]
         opened = np.flatnonzero(column >= 0)
@@ -173,8 +162,6 @@ def joint_forms(unknowns: VirtualUnknowns, topology: Topology, first: Index, sec
 
     ``first``, ``second`` (joints,): their bodies. ``fixed`` (joints,): those whose point is on the first body.
     """
-    from scipy.sparse import csr_matrix
-
     tree, layout, joints = unknowns.tree, unknowns.layout, topology.joints
     count = np.array([len(joint.freedom) for joint in joints], dtype=np.intp)
     joint, nth = items_of_groups(count)
@@ -208,8 +195,6 @@ def of_pairs(
 
     ``owner`` (p,).
     """
-    from scipy.sparse import csr_matrix
-
     p, ground = len(pairs.first), len(tree.parent)
     upper = np.triu(shift_hessian(pairs))
     upper[:, np.arange(6), np.arange(6)] *= 0.5

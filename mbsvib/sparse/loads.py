@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.sparse import bmat, csc_matrix, eye
+from scipy.sparse.linalg import splu
 
 from mbsvib.common.arrays import Array, Index
 from mbsvib.elements.coupler import refuse_curved
@@ -154,9 +156,6 @@ def _least_squares(entries: tuple[Index, Index, Array], m: int, n: int, right: A
     """The solution of an overdetermined sparse system of full rank, the residual, and the magnitude (n,) to which
     rounding of the solution is relative: that of the largest unknown, with columns scaled to unit length.
     """
-    from scipy.sparse import bmat, csc_matrix, eye
-    from scipy.sparse.linalg import splu
-
     a = csc_matrix((entries[2], entries[:2]), shape=(m, n))
     scale = 1.0 / np.sqrt(np.asarray(a.power(2).sum(axis=0))[0])
     a = a.multiply(scale).tocsc()

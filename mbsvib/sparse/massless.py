@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, diags, hstack, vstack
 
 from mbsvib.common.arrays import Array, Index
 from mbsvib.equations.equations import Separation
@@ -25,9 +26,6 @@ from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS
 from mbsvib.sparse.layout import Layout
 from mbsvib.sparse.massless_motions import Motions
 from mbsvib.sparse.tree import Tree
-
-if TYPE_CHECKING:
-    from scipy.sparse import csc_matrix, csr_matrix
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,8 +54,6 @@ def separation(
     ``inputs`` (inputs, size) and ``outputs`` (outputs, size) of displacement, velocity and acceleration, ``ports`` the
     names of outputs and inputs. An output that would need the derivative of an input is refused.
     """
-    from scipy.sparse import hstack
-
     z = motions.shapes
     used = np.flatnonzero((elastic[1] != 0.0) | (elastic[2] != 0.0))
     parts = _Parts(
@@ -128,8 +124,6 @@ class _Parts:
 
     def coupled_motions(self) -> tuple[list[Index], Index]:
         """Motions that springs and dampers couple, part by part, and uncoupled motions."""
-        from scipy.sparse import vstack
-
         forces = [matrix for matrix in self.antisymmetric if matrix is not None]
         rows = vstack([self.rows, *forces]).tocsr()
         rows.data = np.ones(len(rows.data))
@@ -141,8 +135,6 @@ class _Parts:
 
     def of_uncoupled(self, part: Index) -> _Classification:
         """Classification of uncoupled motions, vectorized."""
-        from scipy.sparse import diags
-
         square = self.rows[:, part].power(2).T
         k, k_size, c, c_size = (square @ values for values in (self.stiffness, np.abs(self.stiffness), self.damping,
                                                                np.abs(self.damping)))  # fmt: skip
@@ -160,8 +152,6 @@ class _Parts:
 
     def _amplitudes(self, part: Index, shapes: Array | None = None) -> Any:
         """Amplitudes (n, k) of all motions for ``shapes`` of some of them; default: unit amplitudes."""
-        from scipy.sparse import coo_matrix
-
         n, count = len(self.names), len(part)
         if shapes is None:
             return coo_matrix((np.ones(count), (part, np.arange(count))), shape=(n, count))

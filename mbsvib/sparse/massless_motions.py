@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.sparse import csc_matrix, csr_matrix, vstack
 
 from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.equations.inertia import SpatialInertia
@@ -24,10 +24,6 @@ from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.rank import CERTAIN_INERTIA, EPS, RANK_FACTOR, ZERO_SUM
 from mbsvib.sparse.layout import Layout, kinematics
 from mbsvib.sparse.tree import Tree
-
-if TYPE_CHECKING:
-    from scipy.sparse import csc_matrix, csr_matrix
-
 
 TINY = float(np.finfo(float).tiny)
 
@@ -123,8 +119,6 @@ def _by_parts(
     tree: Tree, layout: Layout, movable: Bools, factor: csr_matrix, loops: csr_matrix
 ) -> Motions | None:
     """The motions of light bodies, part by part; the unknowns are their displacements and all coordinates at them."""
-    from scipy.sparse import csc_matrix, vstack
-
     joint_rows = kinematics(tree, layout)
     near = movable | np.concatenate((movable, [False]))[tree.parent]
     inward = np.argsort(tree.depth[:-1], kind="stable")

@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from mbsvib.common.arrays import Index
 from mbsvib.elements.shared_rows import carriers
@@ -54,8 +55,6 @@ def reachable(
 
 def _parts(model: Mechanism) -> dict[str, int]:
     """Number of the part of every body: bodies connected by joints and springs other than through ground."""
-    from scipy.sparse import csr_matrix
-
     number = {name: k for k, name in enumerate(model.bodies)}
     links = [(number[part.first], number[part.second]) for part in (*model.joints.values(), *model.springs.values())
              if part.first in number and part.second in number]  # fmt: skip

@@ -13,10 +13,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.linalg import lapack
+from scipy.sparse import bmat, csr_matrix, diags, eye
+from scipy.sparse.linalg import splu
 
 from mbsvib.common.arrays import Array, Index
 from mbsvib.common.tables import listed
@@ -36,10 +38,6 @@ from mbsvib.sparse.tree import Tree
 
 # Iterative refinement stops when a step changes the solution by less than this; it has so many steps at most.
 CONVERGED, STEPS = 1e-13, 60
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
-
 
 @dataclass(frozen=True, eq=False)
 class Region:
@@ -115,9 +113,6 @@ def _in_joints(region: Region, flat: Array) -> Array:
 
 def _of_large(region: Region, matrix: csr_matrix) -> Callable[[Array], Array]:
     """By a regularised sparse system with iterative refinement."""
-    from scipy.sparse import bmat, eye
-    from scipy.sparse.linalg import splu
-
     n, m = matrix.shape
     equations = bmat([[region.rows.T @ region.rows, matrix], [matrix.T, None]], format="csc")
     shift = bmat([[COLUMN_REGULARISATION * eye(n), None], [None, -COLUMN_REGULARISATION * eye(m)]], format="csc")
@@ -243,8 +238,6 @@ def _of_couplers(
 
 def _rows(entries: list[tuple[int, int, Any]], joints: int, length: float) -> csr_matrix:
     """Wrenches (6 joints, n), lengths in units of ``length``, columns scaled to unit length."""
-    from scipy.sparse import csr_matrix, diags
-
     joint, row = np.array([entry[:2] for entry in entries], dtype=np.intp).T
     six = np.array([entry[2] for entry in entries]) * np.repeat((1.0, 1.0 / length), 3)
     entry, direction = np.nonzero(six)
@@ -257,8 +250,6 @@ def _gaps(point: Array, ends: Index, position: Array, length: float) -> csr_matr
     """Relative displacements in joints at points (j, 3) per displacement of bodies at positions (b, 3), (6 j, 6 b) in
     units of the length; ``ends`` (2, j) are the numbers of their first and second bodies, -1 for bodies at rest.
     """
-    from scipy.sparse import csr_matrix
-
     row, column, value = [], [], []
     for end, sign in zip(ends, (-1.0, 1.0), strict=True):
         moves = np.flatnonzero(end >= 0)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.sparse.linalg import LinearOperator, eigsh
 
 from mbsvib.common.arrays import Array
 from mbsvib.linalg.rank import ZERO_SUM
@@ -113,8 +114,6 @@ def _operator_near(system: SparseEquations, near: float, k: int) -> tuple[Operat
 
 
 def _lanczos(t: Operator, requested: int) -> tuple[Array, Array]:
-    from scipy.sparse.linalg import LinearOperator, eigsh
-
     size = t.w.shape[0]
     start = t.apply(np.random.default_rng(2).standard_normal(size))
     op = LinearOperator((size, size), matvec=t.apply, dtype=float)
