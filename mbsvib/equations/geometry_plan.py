@@ -22,6 +22,7 @@ from mbsvib.equations.placing import Placing, with_columns
 from mbsvib.equations.ports import port_bodies
 from mbsvib.equations.scene import Scene
 from mbsvib.kinematics.couplings import Couplings
+from mbsvib.kinematics.relative_motion import in_order
 from mbsvib.kinematics.shared_rows import Shared, shared_rows
 from mbsvib.mechanism.changes import COEFFICIENTS, Slots
 from mbsvib.mechanism.mechanism import Mechanism
@@ -265,8 +266,7 @@ def _rows(rows: Rows, placing: Placing, values: Values) -> Rows:
 def _twists(scene: Scene, slots: Slots, moved: Mapping[int, Index]) -> Placing | None:
     twists, start = scene.coordinates, 0
     owners, centres, pitched = [], [], []
-    # coordinates come in the order of the joints, those of floating bodies last
-    for branch in sorted(scene.topology.branches, key=lambda one: (one.joint == FLOATS, one.joint)):
+    for branch in in_order(scene.topology.branches):
         joint = None if branch.joint == FLOATS else scene.topology.joints[branch.joint]
         columns = range(start, start + (6 if joint is None else len(joint.freedom)))
         start = columns.stop

@@ -35,7 +35,7 @@ from mbsvib.linalg.products import concatenated, product_with_zeros, widened
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.linalg.rotations import cross, skew
 from mbsvib.mechanism.mechanism import Mechanism
-from mbsvib.mechanism.topology import FLOATS, Branch, Topology
+from mbsvib.mechanism.topology import FLOATS, Topology
 
 Kept = Sequence[tuple[Index, Index]]
 
@@ -139,7 +139,7 @@ def joint_points(scene: Scene, joints: Sequence[int], fixed: Mapping[int, Array]
     result, start = {}, 0
     twists, topology = leading(scene.coordinates.point), scene.topology
     number = topology.body_numbers
-    for k in sorted(branch.joint for branch in topology.branches if branch.joint != FLOATS):
+    for k in sorted(topology.branch_of):
         count = len(topology.joints[k].freedom)
         if k in joints and count:
             result[k] = twists[..., start]
@@ -306,7 +306,7 @@ class VirtualWork:
     def _order(self, order: MotionOrder, path: NDArray[np.int8], v: int) -> MotionOrder:
         """The order of the coordinates and, behind them, of the virtual motions, each before those of its own joint."""
         topology, motions, n = self._scene.topology, self._motions, len(order.joint)
-        branch_of: dict[int, Branch] = {branch.joint: branch for branch in topology.branches if branch.joint != FLOATS}
+        branch_of = topology.branch_of
         before = np.zeros((n + v, n + v))
         before[:n, :n] = order.before
         for k, joint in enumerate(motions.joints):

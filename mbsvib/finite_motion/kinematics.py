@@ -19,7 +19,7 @@ from mbsvib.finite_motion.frames import REST, Expression, Frame, angular_velocit
 from mbsvib.finite_motion.joints import coordinates, displacement, openings, small_displacement, virtual_displacement
 from mbsvib.finite_motion.numbers import Numbers
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
-from mbsvib.mechanism.topology import FLOATS, Topology, cut_elsewhere, span
+from mbsvib.mechanism.topology import Topology, cut_elsewhere, span
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def kinematics(
     spanning tree where ``cut`` is not given.
     """
     topology = span(model, in_tree(model, tree_joints) if cut is None else cut)
-    branches = {branch.joint: branch for branch in topology.branches if branch.joint != FLOATS}
+    branches = topology.branch_of
     joints = {branches[k].body: topology.joints[k] for k in sorted(branches)}
     joints |= {k: _floating(topology, model, k) for k in topology.floating}
     links = {name: (block, k) for block in blocks for k, name in enumerate(block.joints)}

@@ -25,7 +25,7 @@ from mbsvib.kinematics.tree_motion import FiniteMotion, Tree, tree_of
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rank import EPS, RANK_FACTOR
 from mbsvib.linalg.rotations import components_first, components_last
-from mbsvib.mechanism.topology import FLOATS, Topology
+from mbsvib.mechanism.topology import Topology
 
 
 @dataclass(frozen=True)
@@ -183,16 +183,16 @@ def _carriers(topology: Topology, number: Mapping[str, int]) -> tuple[Index, Ind
     # where a joint has no point, the centre of mass of one of its bodies is taken
     holder = [number[joint.second] if joint.point is not None else min(number[joint.first], number[joint.second])
               for joint in topology.joints]  # fmt: skip
-    for branch in topology.branches:
-        if branch.joint != FLOATS and topology.joints[branch.joint].point is None:
-            holder[branch.joint] = branch.body
+    for joint, branch in topology.branch_of.items():
+        if topology.joints[joint].point is None:
+            holder[joint] = branch.body
     return np.array(turner, dtype=np.intp), np.array(holder + list(topology.floating), dtype=np.intp)
 
 
 def _owners(topology: Topology, cuts: Cuts | None) -> Index:
     """The joints of all six-vectors (s,); floating bodies count as joints after all others."""
     joints = topology.joints
-    owner = [k for k in sorted({branch.joint for branch in topology.branches} - {FLOATS}) for _ in joints[k].freedom]
+    owner = [k for k in sorted(topology.branch_of) for _ in joints[k].freedom]
     owner += [len(joints) + k for k in range(len(topology.floating)) for _ in range(6)]
     owner += [k for k in topology.cut for _ in joints[k].locked]
     if cuts is not None and cuts.couplings is not None:

@@ -14,7 +14,7 @@ from mbsvib.common.arrays import Array, Index
 from mbsvib.elements import Joint
 from mbsvib.elements.joint_kinds import Columns, Motion, displaced
 from mbsvib.elements.pose import IDENTITY, Pose
-from mbsvib.kinematics.relative_motion import Twists
+from mbsvib.kinematics.relative_motion import Twists, in_order
 from mbsvib.linalg.rotations import axial, components_first, components_last, exponential, jacobian
 from mbsvib.mechanism.topology import FLOATS, Topology
 
@@ -209,8 +209,7 @@ def tree_of(topology: Topology, number: Mapping[str, int]) -> Tree:
     order = [ground, *(body for body, _ in levels.get(0, ())), *(body for body, _ in pairs)]
     ends = list(accumulate([len(levels[k]) for k in range(1, len(levels))], initial=0))
     column = 0
-    floats = [branch for branch in topology.branches if branch.joint == FLOATS]
-    for branch in sorted(topology.branches, key=lambda branch: branch.joint)[len(floats) :] + floats:
+    for branch in in_order(topology.branches):
         joint = None if branch.joint == FLOATS else joints[branch.joint]
         names = DIRECTIONS if joint is None else [name for name, _ in joint.freedom]
         if not names:

@@ -13,7 +13,10 @@ from functools import lru_cache
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Index
 from mbsvib.common.expected import names
 from mbsvib.common.fast_init import fast_init
 from mbsvib.errors import ModelError
@@ -68,6 +71,19 @@ class Topology:
     def tree(self) -> tuple[str, ...]:
         """Names of the joints of the tree, from ground outwards."""
         return tuple(self.joints[branch.joint].name for branch in self.branches if branch.joint != FLOATS)
+
+    @property
+    def branch_of(self) -> dict[int, Branch]:
+        """Branch of each joint of the tree, by the joint's number."""
+        return {branch.joint: branch for branch in self.branches if branch.joint != FLOATS}
+
+    @property
+    def outer(self) -> tuple[Index, Index]:
+        """Body behind each joint and the joint's sign, (joints,) each; -1 and 0 for joints that are cut."""
+        body, sign = np.full(len(self.joints), -1), np.zeros(len(self.joints), dtype=np.intp)
+        for joint, branch in self.branch_of.items():
+            body[joint], sign[joint] = branch.body, branch.sign
+        return body, sign
 
     @property
     def cut_joints(self) -> tuple[str, ...]:

@@ -86,7 +86,7 @@ class Tree:
 
     branches: tuple[tuple[int, int], ...]
     behind: Index
-    sign: Array
+    sign: Index
     springs: Any
     joints: Any
     floating: Index

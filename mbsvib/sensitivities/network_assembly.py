@@ -34,7 +34,6 @@ from mbsvib.linalg.rank import NO_WORK, SAME_WORK
 from mbsvib.linalg.rotations import logarithm
 from mbsvib.linalg.vectors import entries_matrix, transformed
 from mbsvib.mechanism.mechanism import Mechanism
-from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sensitivities.adjoint_fields import motions
 from mbsvib.sensitivities.families import rules_of
 from mbsvib.sensitivities.families.connections import element_matrices, point_of
@@ -120,7 +119,7 @@ def bare_network(system: Equations) -> Network:
     return Network(
         system.provenance.parts, (), (), (), vectors, vectors,
         Coordinates(None, None, csr_array((0, system.dof)), np.zeros((0, system.dof))),
-        Tree((), index, none, empty, empty, index, None, np.zeros(3)),
+        Tree((), index, index, empty, empty, index, None, np.zeros(3)),
         Coefficients(none, np.zeros((0, 3, 3)), matrices, matrices), limits(system), True,
     )  # fmt: skip
 
@@ -182,7 +181,7 @@ def _unloaded(system: Equations, members: _Members, kinematics: Kinematics) -> N
     six = np.tile(_SIX, (len(first), 1)).T
     rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
     tree = Tree(
-        tuple([(branch.body, branch.parent) for branch in topology.branches]), *_outer_bodies(system),
+        tuple([(branch.body, branch.parent) for branch in topology.branches]), *topology.outer,
         _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
         _incidence(first[: len(joints)], second[: len(joints)], len(bodies)),
         np.array(topology.floating, dtype=np.intp), kinematics.constraints(bodies, number, centre), centre,
@@ -233,16 +232,6 @@ def model_in_pose(system: Equations) -> Mechanism | None:
 
 def _point(joint: Joint, bodies: Sequence[Body], number: dict[str, int]) -> tuple[float, float, float]:
     return joint.point or bodies[min(number[joint.first], number[joint.second])].position
-
-
-def _outer_bodies(system: Equations) -> tuple[Index, Array]:
-    """Body behind each joint of the tree and the joint's sign, 0 for joints that are cut."""
-    topology = system.provenance.topology
-    behind, sign = np.zeros(len(topology.joints), dtype=np.intp), np.zeros(len(topology.joints))
-    for branch in topology.branches:
-        if branch.joint != FLOATS:
-            behind[branch.joint], sign[branch.joint] = branch.body, branch.sign
-    return behind, sign
 
 
 def _incidence(first: Index, second: Index, bodies: int) -> Any:

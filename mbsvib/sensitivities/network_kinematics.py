@@ -25,7 +25,7 @@ from mbsvib.elements.rows import Rows
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.scene import cut_rows
 from mbsvib.kinematics.couplers import with_couplers
-from mbsvib.kinematics.relative_motion import Twists, relative_motion, twists
+from mbsvib.kinematics.relative_motion import Twists, in_order, relative_motion, twists
 from mbsvib.linalg.rank import DEPENDENT_DEFORMATION
 from mbsvib.linalg.vectors import DENSE, Field, entries_matrix
 from mbsvib.mechanism.topology import FLOATS, Topology
@@ -116,11 +116,10 @@ def _solution(phi: Array) -> tuple[Array, Array]:
 def _coordinates(system: Equations) -> tuple[Index, Array]:
     """Body behind each joint coordinate and its sign; those of floating bodies come last."""
     topology = system.provenance.topology
-    hangs = {branch.joint: branch for branch in topology.branches if branch.joint != FLOATS}
-    bodies_and_signs = [(hangs[k].body, hangs[k].sign) for k in sorted(hangs) for _ in topology.joints[k].freedom]
-    bodies_and_signs += [(branch.body, 1) for branch in topology.branches if branch.joint == FLOATS for _ in range(6)]
-    table = np.array(bodies_and_signs, dtype=np.intp).reshape(-1, 2)
-    return table[:, 0], table[:, 1].astype(float)
+    order = in_order(topology.branches)
+    count = [6 if branch.joint == FLOATS else len(topology.joints[branch.joint].freedom) for branch in order]
+    body = np.array([branch.body for branch in order], dtype=np.intp)
+    return body.repeat(count), np.array([float(branch.sign) for branch in order]).repeat(count)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,6 @@ from mbsvib.equations.spin_terms import momenta
 from mbsvib.equations.virtual_motions import carries_nothing, joint_ends
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import ZERO_SUM
-from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.draft import SparseDraft, of_rotors, placed, with_inerters, with_ports, with_shared, with_spin
 from mbsvib.sparse.geometric_stiffness import JointForms, Products
 from mbsvib.sparse.layout import relative_rows, virtual_unknowns
@@ -163,7 +162,7 @@ class VirtualWork:
         z = np.zeros(layout.size)
         z[unknowns.column[joints][:, None] + np.arange(6)] = steps.T
         # what the bodies move, about a common point, is the sum on their ways from ground
-        body, sign = self._outer
+        body, sign = self._draft.topology.outer
         used = np.flatnonzero(body[joints] >= 0)
         at, points = joints[used], unknowns.point.T
         common, own = points[joints].mean(axis=0), np.zeros((self._n, 6))
@@ -224,15 +223,6 @@ class VirtualWork:
     def _rigid_inertia(self, six: Any, origin: Any) -> Array:
         """Square roots of inertia times a rigid motion (6,) of all bodies with the ground, about an origin."""
         return inertia_of_ground_motion(six, origin, self._centre[:-1], self._draft.inertia, self._draft.shared)
-
-    @cached_property
-    def _outer(self) -> tuple[Index, Index]:
-        """The outer body of each joint of the tree, -1 for cut joints, and its sign in this joint, (joints,) each."""
-        body, sign = np.full((2, len(self._draft.topology.joints)), -1)
-        for branch in self._draft.topology.branches:
-            if branch.joint != FLOATS:
-                body[branch.joint], sign[branch.joint] = branch.body, branch.sign
-        return body, sign
 
     @cached_property
     def _ways(self) -> Any:

@@ -21,7 +21,7 @@ from mbsvib.equations.load_stiffness import applied_pairs
 from mbsvib.equations.wrenches import AppliedWrenches
 from mbsvib.linalg.groups import items_of_groups
 from mbsvib.linalg.rank import ZERO_FORM
-from mbsvib.mechanism.topology import FLOATS, Topology
+from mbsvib.mechanism.topology import Topology
 from mbsvib.sparse.layout import Layout, VirtualUnknowns, relative_rows
 from mbsvib.sparse.tree import Tree
 
@@ -166,10 +166,7 @@ def joint_forms(unknowns: VirtualUnknowns, topology: Topology, first: Index, sec
     count = np.array([len(joint.freedom) for joint in joints], dtype=np.intp)
     joint, nth = items_of_groups(count)
     six = columns([row for part in joints for _, row in part.freedom], 6)
-    outer = np.full(len(joints), -1)
-    for branch in topology.branches:
-        if branch.joint != FLOATS:
-            outer[branch.joint] = branch.body
+    outer, _ = topology.outer
     in_tree = np.flatnonzero(outer[joint] >= 0)
     at = layout.coordinate[tree.first[outer[joint[in_tree]]] + nth[in_tree]]
     q = csr_matrix((np.ones(len(at)), (in_tree, at)), shape=(len(joint), layout.size))

@@ -29,7 +29,7 @@ from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.relative_motion import entry_values
 from mbsvib.linalg.groups import items_of_groups
 from mbsvib.linalg.rotations import crossed_product as cross
-from mbsvib.mechanism.topology import FLOATS, Topology
+from mbsvib.mechanism.topology import Topology
 from mbsvib.sparse.tree import Tree
 
 if TYPE_CHECKING:
@@ -186,13 +186,13 @@ def virtual_unknowns(
 ) -> VirtualUnknowns:
     """Return the unknowns with virtual motions of some joints, at ``point`` (3, all joints)."""
     column, n = np.full(len(topology.joints), -1), len(tree.parent)
-    outer = {branch.joint: branch for branch in topology.branches if branch.joint != FLOATS}
-    in_tree = [outer[k] for k in joints if k in outer]
+    branch_of = topology.branch_of
+    in_tree = [branch_of[k] for k in joints if k in branch_of]
     displacement = layout.displacement.copy()
     missing = displacement < 0
     displacement[missing] = layout.size + np.arange(np.count_nonzero(missing))
     start = layout.size + int(np.count_nonzero(missing))
-    ordered = [*(branch.joint for branch in in_tree), *(k for k in joints if k not in outer)]
+    ordered = [*(branch.joint for branch in in_tree), *(k for k in joints if k not in branch_of)]
     column[ordered] = start + 6 * np.arange(len(ordered))
     number = np.array([branch.joint for branch in in_tree], dtype=np.intp)
     body = np.array([branch.body for branch in in_tree], dtype=np.intp).repeat(6)

@@ -21,7 +21,7 @@ from mbsvib.equations.virtual_motions import joint_ends
 from mbsvib.equations.wrenches import WrenchPairs, applied_wrenches
 from mbsvib.linalg.rank import BALANCE
 from mbsvib.linalg.rotations import crossed_product
-from mbsvib.mechanism.topology import FLOATS, Topology
+from mbsvib.mechanism.topology import Topology
 from mbsvib.sparse.constraints import Constraints
 from mbsvib.sparse.draft import SparseDraft
 from mbsvib.sparse.geometric_stiffness import Loading
@@ -64,8 +64,9 @@ def _joint_wrenches(
 ) -> Array:
     """Wrenches (6, joints) at the joints' points, from those of ``subtree`` (6, bodies) and those in the cut joints."""
     result = np.zeros((6, len(topology.joints)))
-    outer = [(branch.joint, branch.body, branch.sign) for branch in topology.branches if branch.joint != FLOATS]
-    joint, body, sign = np.array(outer, dtype=np.intp).reshape(-1, 3).T
+    body, sign = topology.outer
+    joint = np.flatnonzero(sign)
+    body, sign = body[joint], sign[joint]
     result[:, joint] = -sign * subtree[:, body]
     result[3:, joint] += crossed_product(position[:, body] - point[:, joint], result[:3, joint])
     if cut is not None:
