@@ -18,7 +18,8 @@ from mbsvib.errors import ResponseError
 from mbsvib.feedback.loop import Loop
 from mbsvib.feedback.loop_rounding import evaluated
 from mbsvib.linalg.rank import EPS
-from mbsvib.responses.extrema import Band, excited, panels
+from mbsvib.linalg.structured_norms import highest_norm
+from mbsvib.responses.extrema import NEAR, Band, excited, panels
 
 # Band, in parts of the lowest and highest pole that rounding can tell from 0.
 LOWEST, HIGHEST = 1e-6, 1e6
@@ -30,7 +31,7 @@ NONE = 1e-6
 # Distances from a pole of the closed loop, in parts of it: S at the first one where it is known stands for the value at
 # the pole.
 BESIDE = (1e-9, 1e-7, 1e-5, 1e-3)
-# The smallest singular value of 1 - K G comes this near to 1 only where the loop gain vanishes.
+# The modulus comes this near to 1 only where the loop gain vanishes.
 VANISHES = 1e-6
 
 
@@ -38,16 +39,16 @@ VANISHES = 1e-6
 class Margins(Columnar, Displayed):
     """How far closed loops are from instability.
 
-    Disk margin of all loops simultaneously: ``modulus`` is the smallest singular value of 1 - K G at the actuators over
-    frequency, ``frequency`` [Hz] the critical frequency where it occurs. All gains may change within ``all_gains``, or
-    all phases by +-``all_phases`` [deg], in any combination: this is certain in any units of the actuators, and may be
-    much less than they bear where forces and moments act in units of unlike effect. For each of the ``actuators``, the
-    other loops closed: ``lower`` and ``gain`` are the gain margins, ``phase`` [deg] the phase margin, ``delay`` [s] the
-    delay margin and ``modulus_each`` the modulus margin, the smallest distance of its locus from -1; 0 and infinite
-    without limit. ``lower_at``, ``gain_at``, ``phase_at``, ``delay_at``, ``modulus_at`` [Hz] are where they occur, NaN
-    without limit. A loop gain that stays above 1 however high the frequency, as of accelerations, has no delay margin:
-    0 at infinity.
-    In sampled loops the delay is that between a sample and its force, as the ``delay`` of ``sampled``.
+    Disk margin of all loops simultaneously, 1 / max over w of mu(S), S = (1 - K G)^-1 at the actuators, mu the
+    structured singular value of diagonal complex perturbations: ``modulus`` has the bound min over diagonal D of
+    sigma(D S D^-1) for mu(S), which no units of the actuators change; it is mu for up to three actuators. ``frequency``
+    [Hz] is the critical frequency where it occurs. All gains may change within ``all_gains``, or all phases by
+    +-``all_phases`` [deg], in any combination. For each of the ``actuators``, the other loops closed: ``lower`` and
+    ``gain`` are the gain margins, ``phase`` [deg] the phase margin, ``delay`` [s] the delay margin and ``modulus_each``
+    the modulus margin, the smallest distance of its locus from -1; 0 and infinite without limit. ``lower_at``,
+    ``gain_at``, ``phase_at``, ``delay_at``, ``modulus_at`` [Hz] are where they occur, NaN without limit. A loop gain
+    that stays above 1 however high the frequency, as of accelerations, has no delay margin: 0 at infinity. In sampled
+    loops the delay is that between a sample and its force, as the ``delay`` of ``sampled``.
     """
 
     name: str
@@ -120,7 +121,8 @@ def margins(loop: Loop, frequencies: ArrayLike | None = None) -> Margins:
     ``frequencies`` (n,): the first and the last are the limits of the band [Hz]; default: all frequencies, of a sampled
     loop up to half its rate.
 
-    Source: N. A. Lehtomaki, N. R. Sandell and M. Athans, IEEE Trans. Autom. Control 26 (1981) 75, for the disk margin.
+    Source: P. Seiler, A. Packard and P. Gahinet, IEEE Control Systems Magazine 40 (2020) 78, for the disk margin; M. G.
+    Safonov, IEE Proc. D 129 (1982) 251, and J. C. Doyle, IEE Proc. D 129 (1982) 242, for the scalings.
     """
     band, largest, frequency = _disk(loop, frequencies)
     limits = band.response(band.ends[[0, -1]])[: 2 if frequencies is None else 0]
@@ -142,7 +144,7 @@ def modulus_margin(loop: Loop) -> tuple[float, float]:
 
 
 def _disk(loop: Loop, frequencies: ArrayLike | None) -> tuple[Band, float, float]:
-    """The sensitivity over a band, and its largest singular value with its frequency [Hz]."""
+    """The sensitivity over a band, and the largest bound of its structured singular value with its frequency [Hz]."""
     poles, longest, period = loop.resolution
     if frequencies is None:
         size = np.abs(np.concatenate((poles, loop.open_loop.poles()))) / (2.0 * np.pi)
@@ -158,7 +160,7 @@ def _disk(loop: Loop, frequencies: ArrayLike | None) -> tuple[Band, float, float
     ends = panels(poles / (2.0 * np.pi), low, high, longest=longest, period=period)
     # 1 / (1 - K G) has only the poles of the closed loop
     band = Band(lambda hertz: _sensitivity(loop, hertz), ends)
-    frequency, largest = band.highest(lambda s: np.asarray(np.linalg.svd(s, compute_uv=False)[:, 0]))
+    frequency, largest = highest_norm(len(loop.actuators), lambda bounds: band.maxima(bounds, NEAR), band.response)
     critical = _critical(loop, band, lambda s: np.asarray(np.abs(s).max(axis=(1, 2))))
     if len(critical):
         frequency, largest = float(critical[0]), np.inf

@@ -242,7 +242,8 @@ def sensitivity(
     -------
     matplotlib.figure.Figure, or ``ax``
         Two panels; the legend has the peak of each curve, or at which end of the range it is highest, and whether the
-        loop is unstable. The peak of S of a stable loop is the inverse of the modulus margin of all loops together.
+        loop is unstable. The inverse of the peak of S of a stable loop is the modulus margin of one
+        actuator, and at most that of several, which their units do not change.
 
     Raises
     ------

@@ -186,10 +186,14 @@ def pole_slope(a: Array, number: Callable[[Complex], int]) -> tuple[complex, Com
     return complex(values[k]), np.asarray(np.outer(y, x) / (y @ x or np.finfo(float).eps))
 
 
-def gain_slope(space: Matrices, w: float, weight: Array | Complex | None = None) -> tuple[float, Array]:
+def gain_slope(
+    space: Matrices, w: float, weight: Array | Complex | None = None,
+    norm: Callable[[Complex], tuple[float, Complex, Complex]] | None = None,
+) -> tuple[float, Array]:  # fmt: skip
     """Return the largest singular value of W G(i w), and its derivatives to the entries of [A B; C D].
 
-    ``w``: angular frequency, inf for D. ``weight`` W (rows, outputs) or (1, 1), the same for all; default: 1.
+    ``w``: angular frequency, inf for D. ``weight`` W (rows, outputs) or (1, 1), the same for all; default: 1. ``norm``:
+    function in place of the largest singular value, with factors N, P of its slopes: d norm = Re tr(P N d(W G)).
     """
     a, b, c, d = space
     n, one = len(a), np.eye(len(c))
@@ -198,8 +202,12 @@ def gain_slope(space: Matrices, w: float, weight: Array | Complex | None = None)
     inside = 1j * w * np.eye(n) - a if np.isfinite(w) else np.eye(n)
     if np.isfinite(w):
         x = np.linalg.solve(inside, b.astype(complex))
-    u, s, vh = np.linalg.svd(w_out @ (c @ x + d))
-    row = u[:, 0].conj() @ w_out
-    left = np.linalg.solve(inside.T, c.T @ row) if np.isfinite(w) else np.zeros(n)
-    right = np.concatenate((x @ vh[0].conj(), vh[0].conj()))
-    return float(s[0]), np.outer(np.concatenate((left, row)), right).real
+    value, rows, columns = (norm or _largest)(np.asarray(w_out @ (c @ x + d), dtype=complex))
+    rows = rows @ w_out
+    left = np.linalg.solve(inside.T, c.T @ rows.T) if np.isfinite(w) else np.zeros((n, len(rows)))
+    return value, (np.concatenate((left, rows.T)) @ np.concatenate((x @ columns, columns)).T).real
+
+
+def _largest(g: Complex) -> tuple[float, Complex, Complex]:
+    u, s, vh = np.linalg.svd(g)
+    return float(s[0]), u[:, :1].conj().T, vh[:1].conj().T

@@ -115,7 +115,7 @@ def damping(least: float) -> Goal:
 def margin(least: float) -> Goal:
     """Return a lower limit of the modulus margin of all loops simultaneously.
 
-    1 / (max over w of sigma((1 - K G)^-1)) >= least, at the actuators
+    1 / (max over w of mu((1 - K G)^-1)) >= least, at the actuators, mu of diagonal perturbations as in ``margins``
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ from mbsvib.random.slopes import stable_squares
 from mbsvib.responses.densities import Table
 from mbsvib.responses.norms import Norm, RoundingError
 from mbsvib.responses.norms import hinf as highest
-from mbsvib.tuning.peaks import Weight, apply, peak
+from mbsvib.tuning.peaks import Weight, apply, peak, structured_peak, structured_slope
 from mbsvib.tuning.scene import Loop, Scene
 
 # of a loop and of known frequencies of peaks: the value, and a function that returns its gradient to [A B; C D]
@@ -230,11 +230,12 @@ class Margin(Goal):
         return "margin"
 
     def at(self, scene: Scene) -> Measure:
-        of_sensitivity = _peak(scene.commands, scene.driven)
+        ports = scene.commands, scene.driven
 
         def measure(loop: Loop, known: Sequence[float]) -> tuple[float, Callable[[], Array]]:
-            value, slope = of_sensitivity(loop, known)
-            return 1.0 / value, lambda: -slope() / value**2
+            response = loop.response(*ports, None, less=False)
+            value, w = structured_peak(response, known)
+            return 1.0 / value, lambda: loop.within(-structured_slope(response, w) / value**2, *ports)
 
         return measure
 

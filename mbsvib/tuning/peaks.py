@@ -8,7 +8,7 @@ a search drives towards peaks between the points.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,6 +21,7 @@ from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ModelError, ResponseError
 from mbsvib.feedback.closing import Matrices, on_axis, transfer
 from mbsvib.linalg.bands import within
+from mbsvib.linalg.structured_norms import diagonal_norms, highest_norm
 from mbsvib.responses.densities import Shaped, Table, table
 from mbsvib.responses.first_order_solver import gain_slope
 from mbsvib.responses.from_control import is_control, is_transfer_function
@@ -133,6 +134,7 @@ class Response:
 
     def __init__(self, space: Matrices, eigen: Eigen, weight: Weight | None = None, rate: float = 1.0) -> None:
         self.space, self.weight, self.rate = space, weight, rate
+        self.eigen = eigen
         self.values, vectors, inverse = eigen
         self.modal = None if inverse is None else (space[2] @ vectors, inverse @ space[1])
 
@@ -204,6 +206,48 @@ class Response:
         """Return the gradient of the largest singular value at a frequency to [A B; C D]."""
         weight = self.weights(np.array([w]))
         return gain_slope(self.space, w, None if weight is None else weight[0])[1]
+
+
+class Structured(Response):
+    """A response whose size is a bound of the structured singular value for diagonal blocks, by a function ``norms``.
+    """
+
+    def __init__(self, space: Matrices, eigen: Eigen, norms: Callable[[Complex], Array]) -> None:
+        super().__init__(space, eigen)
+        self.norms = norms
+
+    def sizes(self, w: Array) -> Array:
+        """Return the bounds (n,)."""
+        return self.norms(np.asarray(self.at(w), dtype=complex))
+
+    @property
+    def far(self) -> float:
+        """The bound at infinite frequency."""
+        return float(self.norms(self.space[3][None].astype(complex))[0])
+
+
+def structured_peak(response: Response, known: Sequence[float]) -> tuple[float, float]:
+    """Return the highest peak of the least bound of mu for diagonal blocks and its frequency, inf where at infinity."""
+
+    def maxima(norms: Callable[[Complex], Array]) -> tuple[Array, Array]:
+        value, w = peak(Structured(response.space, response.eigen, norms), known)
+        return np.array([w]), np.array([value])
+
+    def at(w: Array) -> Complex:
+        return np.asarray(response.at(w) if np.isfinite(w).all() else response.space[3][None], dtype=complex)
+
+    w, value = highest_norm(len(response.space[3]), maxima, at)
+    return value, w
+
+
+def structured_slope(response: Response, w: float) -> Array:
+    """Return the gradient of the least bound of mu for diagonal blocks at a frequency to [A B; C D]."""
+
+    def norm(g: Complex) -> tuple[float, Complex, Complex]:
+        value, _, slopes = diagonal_norms(g[None])
+        return float(value[0]), slopes[0], np.eye(len(g), dtype=complex)
+
+    return gain_slope(response.space, w, norm=norm)[1]
 
 
 def _largest(g: Array | Complex) -> Array:

@@ -93,6 +93,22 @@ def test_loops_and_margins(units, rate):
         same(getattr(margins[0], name), getattr(margins[1], name) * unit, 1e-7 if name == "frequency" else 1e-9)
 
 
+@pytest.mark.parametrize("forces", [(1e3, 1.0), (1e-3, 1e6)])
+@pytest.mark.parametrize("rate", [None, 400.0])
+def test_disk_margins_with_a_unit_for_each_actuator(forces, rate):
+    one, time = plant(), 1e-3
+    two, scale = restated(one, (time, 1e-3, np.array(forces)))
+    gain = np.array([[-900.0, -25.0], [400.0, -30.0]])
+    loops = [one.feedback(gain, ["x", "v"], ["F", "G"]), two.feedback(gain * scale[:2].T, ["x", "v"], ["F", "G"])]
+    if rate is not None:
+        loops = [loops[0].sampled(rate, 1e-3), loops[1].sampled(rate * time, 1e-3 / time)]
+    first, second = (loop.margins() for loop in loops)
+    assert first.modulus < 0.9 * first.modulus_each.min()
+    for name, unit in (("modulus", 1.0), ("frequency", 1.0 / time), ("all_gains", 1.0), ("all_phases", 1.0)):
+        same(np.array(getattr(first, name)), np.array(getattr(second, name)) * unit,
+             1e-7 if name == "frequency" else 1e-9)  # fmt: skip
+
+
 def strut(units):
     """A payload on a leg with an actuator and a damper, with a soft spring beside it."""
     time, length, force = units

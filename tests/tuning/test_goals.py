@@ -128,6 +128,29 @@ def test_gradients_of_weighted_goals_equal_differences():
         check_gradient(_problem(chain().linearize(), structure, as_goals(goal), {}))
 
 
+@pytest.mark.parametrize("count", [2, 3])
+def test_margins_of_several_actuators_have_slopes_and_no_units(count):
+    """Forces in units of 1, 1e3 and 1e-6: the margin is that of ``margins``, and its gradient equals differences."""
+    names = ["F", "G", "H"][:count]
+    rng = np.random.default_rng(1)
+    b = rng.normal(size=(3, count)) * [1.0, 1e3, 1e-6][:count]
+    k = np.array([[700.0, -300.0, 0.0], [-300.0, 500.0, -200.0], [0.0, -200.0, 200.0]])
+    system = mv.System.from_matrices(np.eye(3), 2e-2 * k, k, b, np.eye(3), inputs=names, outputs=["x", "y", "z"])
+    problem = _problem(system, T.gain(names, ["x", "y", "z"]), as_goals(G.margin(0.9)), {})
+    x = problem.unknowns.begin(None) + 3.0 * rng.normal(size=3 * count)
+    while not np.isfinite(problem.objective(x, 1.0)[0]):
+        x *= 0.7
+    (loop,) = problem.closed(problem.unknowns.values(x)[0])
+    modulus = loop.margins().modulus
+    assert modulus < 0.8
+    assert problem.measured(x)[1] == pytest.approx(1.0 - modulus / 0.9, rel=1e-6)
+    value, slope = problem.objective(x, 1.0)
+    assert value == pytest.approx(1.0 - modulus / 0.9, rel=1e-6)
+    for k, step in enumerate(1e-3 * np.eye(len(x))):
+        ahead, behind = (problem.objective(x + sign * step, 1.0)[0] for sign in (1.0, -1.0))
+        assert slope[k] == pytest.approx((ahead - behind) / 2e-3, rel=2e-3, abs=2e-4 * np.abs(slope).max())
+
+
 @pytest.mark.slow
 def test_number_of_workers_changes_nothing():
     goals, structure = [G.rms("x", {"F": 4.0, "v.noise": 0.01, "x.noise": 0.01})], T.gain("F", ["x", "v"])
