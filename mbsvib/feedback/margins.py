@@ -17,9 +17,9 @@ from mbsvib.common.units import time_unit
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.loop import Loop
 from mbsvib.feedback.loop_rounding import evaluated
+from mbsvib.linalg.diagonal_norms import highest_norms
 from mbsvib.linalg.rank import EPS
-from mbsvib.linalg.structured_norms import highest_norm
-from mbsvib.responses.extrema import NEAR, Band, excited, panels
+from mbsvib.responses.extrema import Band, excited, panels
 
 # Band, in parts of the lowest and highest pole that rounding can tell from 0.
 LOWEST, HIGHEST = 1e-6, 1e6
@@ -160,7 +160,7 @@ def _disk(loop: Loop, frequencies: ArrayLike | None) -> tuple[Band, float, float
     ends = panels(poles / (2.0 * np.pi), low, high, longest=longest, period=period)
     # 1 / (1 - K G) has only the poles of the closed loop
     band = Band(lambda hertz: _sensitivity(loop, hertz), ends)
-    frequency, largest = highest_norm(len(loop.actuators), lambda bounds: band.maxima(bounds, NEAR), band.response)
+    frequency, largest = band.highest(highest_norms)
     critical = _critical(loop, band, lambda s: np.asarray(np.abs(s).max(axis=(1, 2))))
     if len(critical):
         frequency, largest = float(critical[0]), np.inf

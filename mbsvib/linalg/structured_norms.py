@@ -1,15 +1,9 @@
 """Structured singular values: bounds by scalings D and G, found by interior points.
 
-Of diagonal complex blocks the bound is min over D of sigma(D M D^-1), D = diag(d), d > 0: no units matter. It is exact
-for up to three blocks.
-
-Source: M. G. Safonov, IEE Proc. D 129 (1982) 251; J. C. Doyle, IEE Proc. D 129 (1982) 242; E. E. Osborne, J. ACM 7
-(1960) 338, for balancing; those of ``isolation.structured_singular_values``.
+Source: E. E. Osborne, J. ACM 7 (1960) 338, for balancing; those of ``isolation.structured_singular_values``.
 """
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 
@@ -22,9 +16,7 @@ _SPARE, _CENTRING = 1e-6, 10  # level above the least, at which multipliers are 
 _CENTRED = 0.3  # Newton decrement below which scalings are near enough to the centre for the next level
 _SHARE = 0.1  # of the way down to the bound of these scalings that the next level leaves
 _LARGEST = 1e4  # of G for matrices of norm 1; more helps real parameters only where mu is next to its jump
-_SWEEPS, _EVEN = 100, 1e-12  # of balancing, which ends when no factor changes by more
-_BALANCED = 1e-9  # slope of the largest singular value below which balanced scalings are the best
-_ROUNDS, _PEAKS = 20, 8  # of the search for the highest peak, and peaks that each looks at
+_SWEEPS, _EVEN = 30, 1e-3  # of balancing, which ends when no factor changes by more
 _RIDGE = 1e-14  # added to second derivatives of unit diagonal, which rounding may leave singular
 
 
@@ -36,54 +28,21 @@ def structured_norms(m: Complex, masks: Array, real: list[int]) -> Array:
     size = np.abs(m).max(axis=(1, 2))
     result, nonzero = np.zeros(len(m)), size > 0.0
     if nonzero.any():
-        normal = _scaled(m[nonzero] / size[nonzero, None, None], _balance(m[nonzero], masks) @ masks)
+        normal = scaled(m[nonzero] / size[nonzero, None, None], balance(m[nonzero], masks) @ masks)
         norm = np.linalg.norm(normal, 2, axis=(1, 2))
         result[nonzero] = _bounds(normal / norm[:, None, None], masks, real)[0] * norm * size[nonzero]
     return result
 
 
-def balanced_norms(m: Complex) -> Array:
-    """Return sigma(D M D^-1) (points,) with balanced rows and columns: bounds for diagonal blocks, the least of two."""
-    if m.shape[1] == 1:
-        return np.asarray(np.abs(m[:, 0, 0]))
-    m = _cyclic(m)
-    return scaled_norms(m, _balance(m, np.eye(m.shape[1])))
-
-
-def scaled_norms(m: Complex, d: Array) -> Array:
-    """Return bounds sigma(D M D^-1) (points,) for diagonal blocks by scalings d (n,) or (points, n)."""
-    return np.asarray(np.linalg.svd(_scaled(m, d), compute_uv=False)[:, 0])
-
-
-def diagonal_norms(m: Complex) -> tuple[Array, Array, Complex]:
-    """Return the least bounds (points,) for diagonal blocks, their scalings d (points, n) and their slopes.
-
-    Slopes W (points, n, n): d bound = Re tr(W dM). They count repeated singular values as the least bound does.
-    """
-    m = _cyclic(m)
-    d = _balance(m, np.eye(m.shape[1]))
-    normal = _scaled(m, d)
-    u, sigma, vh = np.linalg.svd(normal)
-    bound, v = sigma[:, 0].copy(), _adjoint(vh[:, :1])
-    slopes = v * u[:, None, :, 0].conj()
-    # of M = u sigma v^H + ...: d sigma / d ln d = sigma (|u|^2 - |v|^2)
-    more = (np.abs(np.abs(u[:, :, 0]) ** 2 - np.abs(v[:, :, 0]) ** 2) > _BALANCED).any(axis=1) & (bound > 0.0)
-    if more.any():
-        share, root, slopes[more] = _best(normal[more] / bound[more, None, None])
-        bound[more] *= share
-        d[more] *= root
-    return bound, d, _scaled(slopes, 1.0 / d)
-
-
-def _best(m: Complex) -> tuple[Array, Array, Complex]:
-    """The least bounds for diagonal blocks of matrices of norm 1, their scalings, and the slopes of D M D^-1.
+def best_scalings(m: Complex) -> tuple[Array, Array, Complex]:
+    """Return the least norms of D M D^-1 of matrices of norm 1 (points, n, n), diagonal d, and slopes of D M D^-1.
 
     W = Z N^H / tr(Z N^H N) of N = D M D^-1, with the multipliers Z of level - N^H N > 0.
     """
     masks = np.eye(m.shape[1])
     x = _bounds(m, masks, [])[1]
     d = np.sqrt(x)
-    bound = scaled_norms(m, d)
+    bound = np.linalg.norm(scaled(m, d), 2, axis=(1, 2))
     forms, weight = _slopes(m, masks, [])
     level = np.maximum(bound**2 * (1.0 + _SPARE), _ZERO)[:, None, None, None] * weight - forms
     for _ in range(_CENTRING):
@@ -92,61 +51,12 @@ def _best(m: Complex) -> tuple[Array, Array, Complex]:
     room = np.einsum("pv,pvij->pij", x, level)
     slopes = np.asarray(np.linalg.solve(room, _adjoint(m) * x[:, None]), dtype=complex)
     slopes *= (bound / np.einsum("pij,pji->p", slopes, m).real)[:, None, None]
-    return bound, d, _scaled(slopes, d)
+    return bound, d, scaled(slopes, d)
 
 
-def highest_norm(
-    count: int, maxima: Callable[[Callable[[Complex], Array]], tuple[Array, Array]], at: Callable[[Array], Complex]
-) -> tuple[float, float]:
-    """Return where matrices over frequency have the highest of the least bounds for diagonal blocks, and this bound.
-
-    ``count`` of blocks; ``maxima`` of a function of matrices: frequencies and values of its peaks, the highest among
-    them; ``at``: matrices at frequencies. Any scalings give bounds at all frequencies. Balanced ones are the best of
-    two blocks; of more, the best at peaks are added until they lower no peak by more than a share of 1e-7.
-    """
-    scalings: list[Array] = []
-    where, least = 0.0, 0.0
-
-    def bounds(m: Complex) -> Array:
-        m = _cyclic(m)
-        result = balanced_norms(m)
-        for d in scalings:
-            above = np.flatnonzero(result > least)
-            result[above] = np.minimum(result[above], scaled_norms(m[above], d))
-        return result
-
-    for _ in range(_ROUNDS):
-        frequencies, peaks = maxima(bounds)
-        order = np.argsort(-peaks)[: np.count_nonzero(peaks > least * (1.0 + _GAP))][:_PEAKS]
-        if not len(order):
-            return where, least
-        highest = float(frequencies[order[0]]), float(peaks[order[0]])
-        if count <= 2:
-            return highest
-        best, d, _ = diagonal_norms(at(frequencies[order]))
-        scalings.extend(d)
-        if best.max() > least:
-            where, least = float(frequencies[order][best.argmax()]), float(best.max())
-    return highest
-
-
-def _cyclic(m: Complex) -> Complex:
-    """Matrices (points, n, n) without entries that are in no cycle: no determinant depends on them."""
-    linked = m != 0.0
-    some = ~linked.all(axis=(1, 2))
-    if not some.any():
-        return m
-    reach = linked[some] | np.eye(m.shape[1], dtype=bool)
-    for _ in range(int(np.ceil(np.log2(m.shape[1])))):
-        reach = reach @ reach
-    result = m.copy()
-    result[some] = np.where(reach & reach.swapaxes(1, 2), m[some], 0.0)
-    return result
-
-
-def _balance(m: Complex, masks: Array) -> Array:
-    """Factors d (points, blocks) by which rows and columns of each block have the same norm outside of it, by Osborne's
-    iteration.
+def balance(m: Complex, masks: Array) -> Array:
+    """Return factors d (points, blocks) by which rows and columns of each block have the same norm outside of it, by
+    Osborne's iteration.
     """
     size = np.abs(m)
     largest = size.max(axis=(1, 2), keepdims=True, initial=0.0)
@@ -169,8 +79,8 @@ def _balance(m: Complex, masks: Array) -> Array:
     return result
 
 
-def _scaled(m: Complex, d: Array) -> Complex:
-    """D M D^-1."""
+def scaled(m: Complex, d: Array) -> Complex:
+    """Return D M D^-1."""
     return np.asarray(d[..., :, None] * m / d[..., None, :])
 
 

@@ -8,7 +8,7 @@ a search drives towards peaks between the points.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,7 +21,7 @@ from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ModelError, ResponseError
 from mbsvib.feedback.closing import Matrices, on_axis, transfer
 from mbsvib.linalg.bands import within
-from mbsvib.linalg.structured_norms import diagonal_norms, highest_norm
+from mbsvib.linalg.diagonal_norms import diagonal_norms, highest_norms
 from mbsvib.responses.densities import Shaped, Table, table
 from mbsvib.responses.first_order_solver import gain_slope
 from mbsvib.responses.from_control import is_control, is_transfer_function
@@ -209,35 +209,21 @@ class Response:
 
 
 class Structured(Response):
-    """A response whose size is a bound of the structured singular value for diagonal blocks, by a function ``norms``.
-    """
-
-    def __init__(self, space: Matrices, eigen: Eigen, norms: Callable[[Complex], Array]) -> None:
-        super().__init__(space, eigen)
-        self.norms = norms
+    """A response whose size is the least bound of the structured singular value for diagonal blocks."""
 
     def sizes(self, w: Array) -> Array:
-        """Return the bounds (n,)."""
-        return self.norms(np.asarray(self.at(w), dtype=complex))
+        """Return the bounds (n,), larger ones where they are not the highest."""
+        return highest_norms(np.asarray(self.at(w), dtype=complex))
 
     @property
     def far(self) -> float:
         """The bound at infinite frequency."""
-        return float(self.norms(self.space[3][None].astype(complex))[0])
+        return float(highest_norms(self.space[3][None].astype(complex))[0])
 
 
 def structured_peak(response: Response, known: Sequence[float]) -> tuple[float, float]:
     """Return the highest peak of the least bound of mu for diagonal blocks and its frequency, inf where at infinity."""
-
-    def maxima(norms: Callable[[Complex], Array]) -> tuple[Array, Array]:
-        value, w = peak(Structured(response.space, response.eigen, norms), known)
-        return np.array([w]), np.array([value])
-
-    def at(w: Array) -> Complex:
-        return np.asarray(response.at(w) if np.isfinite(w).all() else response.space[3][None], dtype=complex)
-
-    w, value = highest_norm(len(response.space[3]), maxima, at)
-    return value, w
+    return peak(Structured(response.space, response.eigen), known)
 
 
 def structured_slope(response: Response, w: float) -> Array:

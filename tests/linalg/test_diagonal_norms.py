@@ -1,9 +1,10 @@
-"""Bounds of structured singular values for diagonal blocks, their scalings and slopes."""
+"""The least norm of D M D^-1, its scalings and slopes, at many points at once."""
 
 import numpy as np
 import pytest
 
-from mbsvib.linalg.structured_norms import balanced_norms, diagonal_norms, scaled_norms
+from mbsvib.linalg import diagonal_norms as module
+from mbsvib.linalg.diagonal_norms import diagonal_norms, highest_norms, scaled_norms
 
 
 def matrices(count, n, seed=0):
@@ -17,7 +18,9 @@ def test_scalings_prove_the_bounds_and_slopes_prove_that_they_are_the_least(n):
     m = matrices(20, n)
     bound, d, w = diagonal_norms(m)
     np.testing.assert_allclose(scaled_norms(m, d), bound, rtol=1e-12)
-    assert (bound <= balanced_norms(m) * (1.0 + 1e-12)).all()
+    highest = highest_norms(m)
+    assert (bound <= highest * (1.0 + 1e-9)).all()
+    assert highest.max() == pytest.approx(bound.max(), rel=1e-7)
     assert (np.abs(np.linalg.eigvals(m)).max(axis=1) <= bound * (1.0 + 1e-12)).all()
     np.testing.assert_allclose(np.einsum("pij,pji->p", w, m), bound, rtol=1e-6)
     both = np.einsum("pij,pji->pi", m, w).real - np.einsum("pij,pji->pi", w, m).real
@@ -39,7 +42,7 @@ def test_triangular_and_zero_matrices():
     m[1] = [[0.0, 5.0, 7.0], [0.0, 0.0, 1e200], [0.0, 0.0, 0.0]]
     bound, _, slopes = diagonal_norms(m)
     np.testing.assert_allclose(bound, [8.0, 0.0, 0.0], rtol=1e-12)  # 2 + sqrt(3 12)
-    np.testing.assert_allclose(balanced_norms(m), bound, rtol=1e-12)
+    np.testing.assert_allclose([highest_norms(one[None])[0] for one in m], bound, rtol=1e-12)
     assert np.isfinite(slopes).all()
 
 
@@ -52,3 +55,28 @@ def test_equal_singular_values():
     bound, d, _ = diagonal_norms(np.array([even, positive * units[:, None] / units]))
     np.testing.assert_allclose(bound, [2.0, np.abs(np.linalg.eigvals(positive)).max()], rtol=2e-7)
     np.testing.assert_allclose(d[0] * units / (d[0] * units)[0], 1.0, rtol=1e-9)
+
+
+def test_derivatives_to_scalings_are_differences():
+    m, step = matrices(1, 4)[0], 1e-5
+    value, slope, curvature = (part[0] for part in module._derivatives(m[None]))
+    assert value == pytest.approx(np.log(np.linalg.norm(m, 2)), rel=1e-14)
+    for i in range(4):
+        d = np.exp(np.outer([step, -step], np.eye(4)[i]))
+        (ahead, behind), slopes, _ = module._derivatives(d[:, :, None] * m / d[:, None])
+        assert slope[i] == pytest.approx((ahead - behind) / (2.0 * step), abs=1e-9)
+        np.testing.assert_allclose(curvature[i], (slopes[0] - slopes[1]) / (2.0 * step), atol=1e-8)
+
+
+@pytest.mark.parametrize("n", [2, 3, 6])
+def test_points_that_are_not_the_highest_are_not_above_it(n):
+    """Along a curve over frequency; sizes of other points lie between their least norm and the highest one."""
+    a, b, c = matrices(3, n, n)
+    f = np.linspace(0.0, 1.0, 60)[:, None, None]
+    m = a + 3.0 * f * b + np.sin(6.0 * f) * c
+    each, found = diagonal_norms(m)[0], highest_norms(m)
+    assert found.max() == pytest.approx(each.max(), rel=1e-7)
+    assert found.argmax() == each.argmax()
+    assert (found >= each * (1.0 - 1e-7)).all()
+    units = 10.0 ** np.random.default_rng(n).uniform(-9.0, 9.0, n)
+    np.testing.assert_allclose(highest_norms(units[:, None] * m / units).max(), each.max(), rtol=2e-7)
